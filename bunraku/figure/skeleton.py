@@ -74,8 +74,8 @@ class Skeleton:
             if not 0 <= joint < count:
                 raise SkeletonError(f"role {role!r} names joint {joint} of {count}")
         digest = hashlib.sha256("\n".join(self.names).encode())
-        digest.update(self.parents.tobytes())
-        digest.update(self.offsets.tobytes())
+        digest.update(self.parents.astype("<i8").tobytes())
+        digest.update((self.offsets + 0.0).astype("<f4").tobytes())  # as they travel; + 0.0 drops negative zeros
         object.__setattr__(self, "hash", digest.hexdigest()[:16])
 
     def __len__(self) -> int:
