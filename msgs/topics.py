@@ -24,6 +24,8 @@ class TopicKind:
     """The last message is sent again to each new subscriber."""
     newest: bool = False
     """Readers keep only the newest message instead of every one."""
+    rate: float | None = None
+    """Messages a second that are meant, where the project sets it."""
 
 
 TOPICS: dict[str, TopicKind] = {
@@ -35,8 +37,8 @@ TOPICS: dict[str, TopicKind] = {
     "target": TopicKind(Target),
     "command": TopicKind(Command),
     "camera": TopicKind(Camera, latched=True, newest=True),
-    "motion": TopicKind(Motion, newest=True),
-    "pose": TopicKind(Pose, newest=True),
+    "motion": TopicKind(Motion, newest=True, rate=60.0),
+    "pose": TopicKind(Pose, newest=True, rate=60.0),
     "skeleton": TopicKind(SkeletonMessage, latched=True),
     "overlay/*": TopicKind(Overlay, newest=True),
     "device/*": TopicKind(Device, latched=True),

@@ -1,0 +1,239 @@
+"""A stage over ZeroMQ: one process, one node, one thread, one poller."""
+
+import contextlib
+import os
+import time
+from collections import deque
+from collections.abc import Callable
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import zmq
+
+from bunraku.msgs import Clock as ClockMessage
+from bunraku.msgs import InvalidMessage, TopicKind, decode
+from bunraku.runtime.clock import Clock, RealClock, ToldClock
+from bunraku.runtime.names import resolve
+from bunraku.runtime.node import Input, Node, Subscription
+from bunraku.runtime.topics import TopicReader, TopicWriter
+
+SCAN_EVERY = 0.25
+"""s between two looks for new topics that a pattern matches."""
+BATCH = 64
+"""Messages taken from one topic before the others get their turn."""
+MILLISECOND = 1_000_000
+
+
+class ZmqStage:
+    """Carries one node's messages through the run folder's sockets."""
+
+    def __init__(self, folder: Path, *, bag_clock: bool = False) -> None:
+        self.folder = folder
+        self.context: zmq.Context[Any] = zmq.Context()
+        self.clock: Clock = ToldClock(0) if bag_clock else RealClock()
+        self.node: Node | None = None
+        self.status: int | None = None
+        self.on_step: Callable[[], None] = lambda: None
+        """Called after every step (the state file hangs here)."""
+        self.on_error: Callable[[BaseException], None] = lambda error: None
+        self._poller = zmq.Poller()
+        self._writers: dict[str, TopicWriter] = {}
+        self._triggers: dict[Any, tuple[TopicReader, Subscription]] = {}
+        self._states: list[tuple[TopicReader, Subscription]] = []
+        self._patterns: list[tuple[str, Subscription]] = []
+        self._connected: set[tuple[str, str]] = set()
+        self._readers: dict[int, Callable[[], None]] = {}
+        self._plain: dict[Any, Callable[[], None]] = {}
+        self._posts: deque[Callable[[], None]] = deque()
+        self._wake_out, self._wake_in = os.pipe()
+        os.set_blocking(self._wake_out, False)
+        os.set_blocking(self._wake_in, False)
+        self.watch(self._wake_out, self._drain_wake)
+        self._scan_at = 0.0
+        if bag_clock:
+            reader = TopicReader(self.context, folder, "clock")
+            self._closing = [reader]
+            self.watch(reader.socket, lambda: self._take_clock(reader))
+        else:
+            self._closing = []
+
+    # For the node
+
+    def advertise(self, node: Node, topic: str, kind: TopicKind) -> None:
+        writer = TopicWriter(self.context, self.folder, topic, kind, node.full_name)
+        self._writers[topic] = writer
+        self.watch(writer.socket, writer.attend)
+
+    def listen(self, node: Node, subscription: Subscription) -> None:
+        topic = resolve(subscription.topic, node.namespace, node.remap)
+        if subscription.pattern:
+            self._patterns.append((topic, subscription))
+            self._scan(force=True)
+        else:
+            self._connect(topic, subscription)
+
+    def send(self, topic: str, body: bytes) -> None:
+        self._writers[topic].send(body)
+
+    def subscribers(self, topic: str) -> int:
+        writer = self._writers[topic]
+        writer.attend()
+        return writer.subscribers
+
+    def add_reader(self, fileno: int, callback: Callable[[], None]) -> None:
+        self._readers[fileno] = callback
+        self._poller.register(fileno, zmq.POLLIN)
+
+    def remove_reader(self, fileno: int) -> None:
+        if self._readers.pop(fileno, None) is not None:
+            self._poller.unregister(fileno)
+
+    def post(self, callback: Callable[[], None]) -> None:
+        self._posts.append(callback)
+        self.wake()
+
+    def stop(self, status: int) -> None:
+        if self.status is None:
+            self.status = status
+        self.wake()
+
+    # For the loop
+
+    def wake(self) -> None:
+        """End the present wait; safe from threads and signal handlers."""
+        with contextlib.suppress(OSError):
+            os.write(self._wake_in, b"\0")
+
+    @property
+    def wake_descriptor(self) -> int:
+        """What `signal.set_wakeup_fd` takes."""
+        return self._wake_in
+
+    def watch(self, source: Any, callback: Callable[[], None]) -> None:
+        """Call back, outside of any step, when a socket or descriptor can be read."""
+        self._plain[source] = callback
+        self._poller.register(source, zmq.POLLIN)
+
+    def unwatch(self, source: Any) -> None:
+        """Stop watching."""
+        if self._plain.pop(source, None) is not None:
+            self._poller.unregister(source)
+
+    def turn(self, node: Node) -> None:
+        """Wait for the next event or due timer and serve it."""
+        due = node.next_due()
+        limit = SCAN_EVERY if self._patterns else 1.0
+        wait = limit * 1e9 if due is None else min(max(due - self.clock.now(), 0), limit * 1e9)
+        if isinstance(self.clock, ToldClock):
+            wait = limit * 1e9
+        milliseconds = int(wait // MILLISECOND)
+        events = self._poller.poll(milliseconds)
+        if not events and due is not None and not isinstance(self.clock, ToldClock):
+            # The poller counts in whole milliseconds: sleep what is left.
+            rest = due - self.clock.now()
+            if 0 < rest < MILLISECOND:
+                time.sleep(rest / 1e9)
+        for source, _ in events:
+            self._serve(node, source)
+            if self.status is not None:
+                return
+        while self._posts:
+            self._step(node, self._side(node), self._posts.popleft())
+        due = node.next_due()
+        if due is not None and due <= self.clock.now():
+            self._step(node, self._side(node))
+        node.report_dropped(self.clock.now())
+        self._scan()
+
+    def close(self) -> None:
+        """Close all sockets and remove their files."""
+        for reader, _ in [*self._triggers.values(), *self._states]:
+            reader.close()
+        for reader in self._closing:
+            reader.close()
+        for writer in self._writers.values():
+            writer.close()
+        self.context.destroy(linger=200)
+        os.close(self._wake_out)
+        os.close(self._wake_in)
+
+    # Inside
+
+    def _serve(self, node: Node, source: Any) -> None:
+        if source in self._triggers:
+            reader, subscription = self._triggers[source]
+            for _ in range(BATCH):
+                body = reader.receive()
+                if body is None or self.status is not None:
+                    return
+                if subscription.raw:
+                    self._guard(partial(node.take_raw, subscription, reader.topic, body))
+                    continue
+                trigger = node.receive(subscription, reader.topic, body)
+                if trigger is not None:
+                    self._step(node, [*self._side(node), trigger])
+        elif source in self._readers:
+            self._step(node, self._side(node), self._readers[source])
+        elif source in self._plain:
+            self._plain[source]()
+
+    def _side(self, node: Node) -> list[Input]:
+        inputs = []
+        for reader, subscription in self._states:
+            body = reader.receive()
+            if body is not None:
+                one = node.receive(subscription, reader.topic, body)
+                if one is not None:
+                    inputs.append(one)
+        return inputs
+
+    def _step(self, node: Node, inputs: list[Input], action: Callable[[], None] | None = None) -> None:
+        self._guard(lambda: node.step(self.clock.now(), inputs, action))
+        self.on_step()
+
+    def _guard(self, action: Callable[[], Any]) -> None:
+        try:
+            action()
+        except Exception as error:  # a message must not end a node
+            self.on_error(error)
+
+    def _connect(self, topic: str, subscription: Subscription) -> None:
+        if (topic, subscription.handler) in self._connected:
+            return
+        self._connected.add((topic, subscription.handler))
+        newest = subscription.newest and not subscription.raw
+        reader = TopicReader(self.context, self.folder, topic, newest=newest)
+        if subscription.trigger or subscription.raw:
+            self._triggers[reader.socket] = (reader, subscription)
+            self._poller.register(reader.socket, zmq.POLLIN)
+        else:
+            self._states.append((reader, subscription))
+
+    def _scan(self, force: bool = False) -> None:
+        if not self._patterns:
+            return
+        now = time.monotonic()
+        if not force and now < self._scan_at:
+            return
+        self._scan_at = now + SCAN_EVERY
+        with os.scandir(self.folder) as entries:
+            names = sorted(entry.name for entry in entries if entry.name.endswith(".json"))
+        for name in names:
+            topic = name[: -len(".json")].replace(".", "/")
+            for pattern, subscription in self._patterns:
+                if fnmatchcase(topic, pattern):
+                    self._connect(topic, subscription)
+
+    def _drain_wake(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            while os.read(self._wake_out, 4096):
+                pass
+
+    def _take_clock(self, reader: TopicReader) -> None:
+        while (body := reader.receive()) is not None:
+            with contextlib.suppress(InvalidMessage):
+                message: ClockMessage = decode(ClockMessage, body)
+                if isinstance(self.clock, ToldClock):
+                    self.clock.tell(message.now)
