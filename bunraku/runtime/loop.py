@@ -1,6 +1,7 @@
 """A node as a process: signals, the launcher's pipe, the control socket and the state file around one loop."""
 
 import contextlib
+import ctypes
 import logging
 import os
 import signal
@@ -42,6 +43,7 @@ def run_node(
 ) -> int:
     """Run a node until it is told to end; gives its exit status."""
     folder = make_run_folder(folder or run_folder())
+    _return_large_blocks()
     try:
         stage = ZmqStage(folder, bag_clock=bag_clock)
         try:
@@ -108,6 +110,12 @@ def _run(
             state.remove()
         lock.release()
     return stage.status or 0
+
+
+def _return_large_blocks() -> None:
+    """Keep glibc from holding on to the memory of one oversized body for ever (M_MMAP_THRESHOLD 1 MiB)."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).mallopt(-3, 1 << 20)
 
 
 class _Errors:

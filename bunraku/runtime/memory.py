@@ -185,7 +185,9 @@ class MemoryStage:
                     topic, body = self._queue.popleft()
                     self.bodies.setdefault(topic, []).append((self.clock.now(), body))
                     for node, subscription, wanted in list(self._ears):
-                        if wanted == topic or (subscription.pattern and fnmatchcase(topic, wanted)):
+                        if wanted == topic or (
+                            subscription.pattern and fnmatchcase(topic, wanted) and node.wants(topic)
+                        ):
                             self._hand(node, subscription, topic, body)
                 elif self._posts:
                     _, callback = self._posts.popleft()

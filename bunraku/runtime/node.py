@@ -291,6 +291,10 @@ class Node:
     def on_param(self, name: str) -> None:
         """A parameter was changed while the node runs."""
 
+    def wants(self, topic: str) -> bool:
+        """Whether a topic that a pattern matches shall be heard; asked until it is true."""
+        return True
+
     # What a subclass may use
 
     def advertise(self, topic: str, type_: Any) -> BoundPublisher[Any]:

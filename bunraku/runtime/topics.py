@@ -8,7 +8,6 @@ from typing import Any, cast
 import zmq
 
 from bunraku.msgs import TopicKind, schema
-from bunraku.msgs.base import MAX_BODY
 from bunraku.runtime.lock import Lock, Taken
 from bunraku.runtime.names import endpoint, file_of
 
@@ -104,7 +103,7 @@ class TopicReader:
             self.socket.setsockopt(zmq.CONFLATE, 1)
         else:
             self.socket.setsockopt(zmq.RCVHWM, 0)
-        self.socket.setsockopt(zmq.MAXMSGSIZE, MAX_BODY)
+        # No MAXMSGSIZE here: libzmq would hang up on the publisher and never come back.
         self.socket.setsockopt(zmq.RECONNECT_IVL, RECONNECT_MS)
         self.socket.setsockopt(zmq.LINGER, 0)
         self.socket.setsockopt(zmq.SUBSCRIBE, b"")

@@ -34,6 +34,7 @@ class ZmqStage:
         self.context: zmq.Context[Any] = zmq.Context()
         self.clock: Clock = ToldClock(0) if bag_clock else RealClock()
         self.node: Node | None = None
+        """The one node that lives here."""
         self.status: int | None = None
         self.on_step: Callable[[], None] = lambda: None
         """Called after every step (the state file hangs here)."""
@@ -62,6 +63,7 @@ class ZmqStage:
     # For the node
 
     def advertise(self, node: Node, topic: str, kind: TopicKind) -> None:
+        self.node = node
         writer = TopicWriter(self.context, self.folder, topic, kind, node.full_name)
         self._writers[topic] = writer
         self.watch(writer.socket, writer.attend)
@@ -223,8 +225,12 @@ class ZmqStage:
         for name in names:
             topic = name[: -len(".json")].replace(".", "/")
             for pattern, subscription in self._patterns:
-                if fnmatchcase(topic, pattern):
+                known = (topic, subscription.handler) in self._connected
+                if not known and fnmatchcase(topic, pattern) and self._wanted(topic):
                     self._connect(topic, subscription)
+
+    def _wanted(self, topic: str) -> bool:
+        return self.node is None or self.node.wants(topic)
 
     def _drain_wake(self) -> None:
         with contextlib.suppress(BlockingIOError):
