@@ -1,0 +1,1 @@
+"""Touch surfaces: what fingers did, from any of several drivers, as one `touch` message per device and frame."""
