@@ -149,6 +149,16 @@ class ZmqStage:
         node.report_dropped(self.clock.now())
         self._scan()
 
+    def drain(self, node: Node, seconds: float) -> None:
+        """Hand a node that ends the bodies that wait unread in its raw subscriptions, for at most so long."""
+        end = time.monotonic() + seconds
+        for reader, subscription in list(self._triggers.values()):
+            while subscription.raw and time.monotonic() < end:
+                body = reader.receive()
+                if body is None:
+                    break
+                self._guard(partial(node.take_raw, subscription, reader.topic, body))
+
     def close(self) -> None:
         """Close all sockets and remove their files."""
         for reader, _ in [*self._triggers.values(), *self._states]:
