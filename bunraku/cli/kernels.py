@@ -1,0 +1,92 @@
+"""The compiled kernels: whether they are there, and compiling them once for all.
+
+``python -m bunraku.cli.kernels module:Class ...`` runs each node for a moment on an in-memory stage, so that
+exactly what it calls is compiled, with the types that it calls it with, into the cache on disk.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+MARK = "warm"
+MOMENT = 0.2
+"""s of stage time that each node runs."""
+
+
+def folder() -> Path:
+    """Where the compiled kernels are kept."""
+    from bunraku.figure.jit import cache_folder
+
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or cache_folder())
+
+
+def mark(node: str) -> Path:
+    """The file that says that a node's kernels are compiled ('module:Class')."""
+    return folder() / f"{MARK}-{node.replace(':', '.')}"
+
+
+def missing(nodes: Sequence[str]) -> list[str]:
+    """Those of the nodes whose kernels are not compiled."""
+    return [node for node in nodes if not mark(node).exists()]
+
+
+def compiling() -> bool:
+    """Whether the environment lets kernels be compiled at all."""
+    return os.environ.get("BUNRAKU_JIT", "1") != "0" and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+
+
+def warm(node: str) -> None:
+    """Run a node for a moment with everything that it hears."""
+    from bunraku.runtime.memory import MemoryStage
+    from bunraku.runtime.node import declaration
+    from bunraku.runtime.plan import load
+
+    found = load(node)
+    stage = MemoryStage()
+    stage.add(found)
+    hears = declaration(found).hears
+    for topic, message in _samples():
+        if topic in hears:
+            stage.publish(topic, message)
+            stage.advance(MOMENT)
+    stage.advance(MOMENT)
+    mark(node).parent.mkdir(parents=True, exist_ok=True)
+    mark(node).touch()
+
+
+def _samples() -> list[tuple[str, Any]]:
+    """A message of each kind that moves a figure."""
+    from bunraku.figure.default import default_figure
+    from bunraku.msgs import Motion, Stand, Target
+
+    figure = default_figure()
+    root, rotations = figure.rest_pose()
+    place = {
+        name: tuple(float(x) for x in figure.rest_positions[figure.role(role)])
+        for name, role in (
+            ("pelvis", "hips"),
+            ("left_hand", "leftHand"),
+            ("right_hand", "rightHand"),
+            ("left_foot", "leftFoot"),
+            ("right_foot", "rightFoot"),
+            ("left_elbow", "leftLowerArm"),
+            ("right_elbow", "rightLowerArm"),
+            ("left_knee", "leftLowerLeg"),
+            ("right_knee", "rightLowerLeg"),
+        )
+    }
+    whole: dict[str, Any] = {**place, "trunk": (0.0, 0.0, 0.0, 1.0), "head": (0.0, 0.0, 0.0, 1.0), "yaw": 0.0}
+    return [
+        ("motion", Motion(skeleton=figure.hash, root=root, rotations=rotations)),
+        ("target", Target(left_hand=whole["left_hand"])),
+        ("target", Target(**whole)),
+        ("command", Stand(id=1)),
+        ("target", Target()),
+    ]
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        warm(name)
