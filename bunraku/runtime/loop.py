@@ -70,7 +70,7 @@ def _run(
     full = f"{namespace}/{node_name}" if namespace else node_name
     control = file_of(stage.folder, full, ".ctl")
     try:
-        lock = Lock(file_of(stage.folder, full, ".ctl.lock"))
+        lock = _first_lock(file_of(stage.folder, full, ".ctl.lock"))
     except Taken:
         raise NodeTaken(f"a node {full!r} runs on this stage already: end it or give this one --ns") from None
     state = StateFile(file_of(stage.folder, full, ".state"))
@@ -110,6 +110,15 @@ def _run(
             state.remove()
         lock.release()
     return stage.status or 0
+
+
+def _first_lock(path: Path) -> Lock:
+    """Lock a file; the folder is made again if another node, ending, removed it just now."""
+    while True:
+        try:
+            return Lock(path)
+        except FileNotFoundError:
+            make_run_folder(path.parent)
 
 
 def _return_large_blocks() -> None:

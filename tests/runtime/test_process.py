@@ -210,3 +210,22 @@ def test_names_and_places_have_limits(monkeypatch: pytest.MonkeyPatch, tmp_path:
         run_folder("../elsewhere")
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     assert run_folder("a").parent.name == f"bunraku-{os.getuid()}"
+
+
+def test_a_told_clock_moves_the_timers(folder: Path, start: Callable[..., subprocess.Popen[str]]) -> None:
+    peer = Peer(folder, "clock", "tick")
+    start("Ticker", bag_clock=True)
+    assert peer.say.poll(20_000)
+    until(lambda: file_of(folder, "tick", ".json").exists())
+    assert not peer.hear.poll(300), "it ticks by itself"
+    now = 1_600_000_000_000_000_000
+
+    def tell() -> bool:
+        nonlocal now
+        now += 10_000_000
+        peer.say.send(msgpack.packb({"now": now}))
+        return bool(peer.hear.poll(50))
+
+    until(tell)
+    assert abs(peer.heard()["stamp"] - now) < 1_000_000_000
+    peer.close()
