@@ -33,7 +33,7 @@ def leg_length(offsets: Array, parents: Sequence[int], roles: Mapping[str, int])
 
 def _reach(start: int, end: int, offsets: Array, parents: Sequence[int]) -> Array:
     """The vector at rest from joint ``start`` to ``end`` below it."""
-    vector = np.zeros(3)
+    vector = np.zeros(3)  # from the floor where start is -1
     while end not in (start, -1):
         vector = vector + offsets[end]
         end = int(parents[end])
@@ -77,6 +77,7 @@ def figure_of(names: Sequence[str], parents: Sequence[int], offsets: Array, role
             box_centers[joint] = model.box_centers[source] * scale
             box_sizes[joint] = model.box_sizes[source] * scale
         _fit_back(parents, offsets, roles, size, masses, centers, box_centers, box_sizes)
+        _fit_soles(parents, offsets, roles, size, box_centers, box_sizes)
     return Skeleton(
         tuple(names), np.asarray(parents, dtype=np.int64), offsets, roles, masses, centers, box_centers, box_sizes
     )
@@ -111,6 +112,26 @@ def _fit_back(
         masses[joint] = mass * height / total
         centers[joint] = box_centers[joint] = (0.0, 0.5 * height, 0.0)
         box_sizes[joint] = half
+
+
+def _fit_soles(
+    parents: Sequence[int],
+    offsets: Array,
+    roles: Mapping[str, int],
+    size: float,
+    box_centers: Array,
+    box_sizes: Array,
+) -> None:
+    """Let the boxes of feet and toes end on the floor, wherever their joints are above it at rest."""
+    for side in ("left", "right"):
+        for part, top in (("Foot", -0.005 * size), ("Toes", 0.010 * size)):
+            joint = roles.get(side + part)
+            if joint is None:
+                continue
+            height = float(_reach(-1, joint, offsets, parents)[1])
+            low = min(-height, top - 0.01 * size)
+            box_centers[joint, 1] = 0.5 * (top + low)
+            box_sizes[joint, 1] = 0.5 * (top - low)
 
 
 def tip_of(skeleton: Skeleton, joint: int) -> Array:
