@@ -66,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     planned = plan.choose(plan.check(specs), args.only, args.without)
     if args.replay:
         planned = _replay(planned, args.replay, args.replace)
+    planned = plan.with_listeners(planned)
     if args.show:
         return _show(planned, args)
     if not planned:
@@ -117,11 +118,25 @@ def _or(marks: Sequence[str]) -> list[str]:
 
 def _replay(planned: "Sequence[Planned]", bag: str, word: str) -> "list[Planned]":
     from bunraku.runtime import plan
+    from bunraku.runtime.bag import Bag, BagError
 
-    if not Path(bag).is_file():
-        raise Problem(f"--replay {bag}: no such bag; check the path", USAGE)
     one = plan.find(planned, word)
-    return plan.substitute(planned, word, ["bag", "play", bag, "--topics", *one.outputs])
+    try:
+        with Bag(bag) as opened:
+            channels = opened.channels
+    except (BagError, OSError) as error:
+        raise Problem(f"--replay {bag}: {error}", USAGE) from None
+    own = {topic for topic, channel in channels.items() if channel.node == one.spec.path}
+    topics = sorted(topic for topic in own | set(one.outputs) if topic in channels and not _of_itself(topic))
+    if not topics:
+        said = ", ".join(one.outputs) or "nothing"
+        raise Problem(f"--replay {bag}: holds nothing that {word} says ({said}); see bunraku bag info {bag}", USAGE)
+    return plan.substitute(planned, word, ["bag", "play", bag, "--topics", *topics], topics)
+
+
+def _of_itself(topic: str) -> bool:
+    """Whether a node speaks of itself in a topic, its namespace aside."""
+    return bool({"log", "params", "journal"} & set(topic.split("/")[:-1]))
 
 
 def start(planned: "Sequence[Planned]", folder: Path, name: str, *, jit: bool = True) -> int:
@@ -190,7 +205,7 @@ def _await_free(planned: "Sequence[Planned]", folder: Path) -> None:
                     f"end that one, or add --without {wanted[topic.name].spec.path} or --stage NAME",
                 )
                 for topic in taken
-                if topic.name.partition("/")[0] not in ("log", "params", "journal")
+                if not _of_itself(topic.name)
             ]
             raise Problem("\n".join(lines) or f"{taken[0].node} runs on this stage already: end it", USAGE)
         time.sleep(0.05)

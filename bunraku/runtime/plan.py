@@ -13,7 +13,7 @@ from typing import Any
 from bunraku.runtime.launch import NAME, LaunchError, NodeSpec
 from bunraku.runtime.names import resolve
 from bunraku.runtime.node import Node, declaration
-from bunraku.runtime.params import ParamProblem
+from bunraku.runtime.params import ParamProblem, convert_all, params_of
 from bunraku.runtime.supervise import Task
 
 SUBSCRIBERS = "BUNRAKU_SUBSCRIBERS"
@@ -72,13 +72,20 @@ class Planned:
     """Topics and patterns on the stage."""
 
     def hears_topic(self, topic: str) -> bool:
-        """Whether one of its subscriptions takes the topic."""
+        """Whether one of its subscriptions takes the topic.
+
+        A node that hears a pattern but not all that matches says so in a class method
+        ``would_hear(params, namespace, topic)``.
+        """
+        would = getattr(self.node, "would_hear", None)
+        if would is not None and not would(convert_all(self.node, dict(self.params)), self.spec.ns, topic):
+            return False
         return any(fnmatchcase(topic, wanted) for wanted in self.hears)
 
     @property
     def outputs(self) -> list[str]:
         """What it says beside of itself."""
-        return sorted(topic for topic, source in self.says.items() if source.split("/")[0] not in OWN)
+        return sorted(topic for topic, source in self.says.items() if source.partition("/")[0] not in OWN)
 
 
 def check(specs: Sequence[NodeSpec]) -> list[Planned]:
@@ -102,6 +109,21 @@ def check(specs: Sequence[NodeSpec]) -> list[Planned]:
     if faults:
         raise LaunchError(*faults)
     return planned
+
+
+def with_listeners(planned: Sequence[Planned]) -> list[Planned]:
+    """The same, each parameter ``wait_for`` that the launch file leaves open set to the listeners it gives."""
+    counts = wiring(planned)
+    done = []
+    for one in planned:
+        open_ = not one.spec.command and "wait_for" not in one.spec.params
+        if open_ and "wait_for" in params_of(one.node):
+            number = max((counts[one.spec.path].get(topic, 0) for topic in one.outputs), default=0)
+            one = replace(
+                one, params={**one.params, "wait_for": params_of(one.node)["wait_for"].convert(str(number))}
+            )
+        done.append(one)
+    return done
 
 
 def _check_node(spec: NodeSpec, faults: list[str]) -> Planned | None:
@@ -175,14 +197,15 @@ def find(planned: Sequence[Planned], word: str) -> Planned:
     return found[0]
 
 
-def substitute(planned: Sequence[Planned], word: str, command: Sequence[str]) -> list[Planned]:
-    """Another ``bunraku`` command in a node's place; it says the node's topics and hears nothing.
+def substitute(planned: Sequence[Planned], word: str, command: Sequence[str], topics: Sequence[str]) -> list[Planned]:
+    """Another ``bunraku`` command in a node's place; it says these topics and hears nothing.
 
     The stack ends with it.
     """
     gone = find(planned, word)
     spec = replace(gone.spec, command=tuple(command), respawn=False, required=True)
-    return [replace(one, spec=spec, hears=()) if one is gone else one for one in planned]
+    says = {topic: topic for topic in topics}
+    return [replace(one, spec=spec, says=says, hears=()) if one is gone else one for one in planned]
 
 
 def wiring(planned: Sequence[Planned]) -> dict[str, dict[str, int]]:
