@@ -3,14 +3,15 @@
 import importlib.metadata
 import json
 import platform
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import msgspec
 
 from bunraku.msgs.system import Raw
-from bunraku.msgs.topics import kind_of
+from bunraku.msgs.topics import TOPICS, TopicKind, kind_of
+from bunraku.runtime.topics import type_name
 
 PROFILE = "bunraku"
 ENCODING = "msgpack"
@@ -64,15 +65,16 @@ def channel_for(topic: str, node: str = "") -> Channel:
         return Channel(topic, node=node)
     from bunraku.msgs.base import schema
 
-    return Channel(topic, type_name(kind.type), json.dumps(schema(kind.type)).encode(), kind.latched, node)
+    return Channel(topic, type_name(kind), json.dumps(schema(kind.type)).encode(), kind.latched, node)
 
 
-def type_name(type_: Any) -> str:
-    """A name for a message type or a union of them."""
-    name = getattr(type_, "__name__", None)
-    if isinstance(name, str) and name not in ("Union", "Annotated"):
-        return name
-    return " | ".join(type_name(member) for member in getattr(type_, "__args__", ()))
+def kind_for(channel: Channel) -> TopicKind:
+    """How a channel's messages are typed and kept: by its name, else (a remapped topic) by its type."""
+    kind = kind_of(channel.topic)
+    if kind is None:
+        named = (one for one in TOPICS.values() if channel.type and type_name(one) == channel.type)
+        kind = next(named, TopicKind(Raw))
+    return replace(kind, latched=channel.latched)
 
 
 _headers = msgspec.msgpack.Decoder(Header)
