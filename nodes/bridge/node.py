@@ -21,7 +21,10 @@ class Bridge(Node):
     name = "bridge"
     journal = False  # what comes from the other machine is in no bag's journal
 
-    listen: str = param("", doc="address to listen on, as 0.0.0.0:7447; a port alone stays on this machine")
+    # hides Node.listen, which a node that hears by pattern does not need
+    listen: str = param(  # type: ignore[assignment]
+        "", doc="address to listen on, as 0.0.0.0:7447; a port alone stays on this machine"
+    )
     connect: str = param("", doc="address of the bridge that listens, as stage.local:7447")
     keys: str = param("", doc="folder of the keys (bunraku keys DIR); needed for all but 127.0.0.1")
     send: list[str] = param(["*"], doc="names or patterns of the topics that go to the other side")
