@@ -23,13 +23,14 @@ SIDES = ("left", "right")
 class ContactLimits:
     """When a foot is on the ground."""
 
-    height_on: float = 0.035  # m of a sole's point above the floor
+    height_on: float = 0.035  # m of heel or ball above the floor
     height_off: float = 0.06
-    speed_on: float = 0.45  # m/s of that point
-    speed_off: float = 0.9
+    speed_share: float = 0.25  # of the foot's own highest speed nearby, below which it may be standing
+    speed_off: tuple[float, float] = (0.3, 1.1)  # m/s, bounds of that
+    speed_on: float = 0.6  # of the speed that ends a contact, the one that begins it
     smoothing: float = 0.05  # s, over which the speed is averaged
-    window: float = 0.8  # s before and after, in which the floor is the lowest place
-    slope: float = 0.10  # m that the floor may rise over the clip's lowest places
+    window: float = 0.8  # s before and after: nearby
+    slope: float = 0.06  # m that the floor may rise or fall over a clip
     shortest: float = 0.06  # s of a contact or of a gap between two
 
 
@@ -81,12 +82,15 @@ def on_floor(clip: Clip) -> Clip:
 
 def contacts(clip: Clip, limits: ContactLimits = LIMITS) -> Flags:
     """(F, 2) whether the left and the right foot is on the ground in each frame."""
-    points = sole_points(clip)
-    floor = _local_floor(points[..., 1].min(axis=2), clip.fps, limits)
+    points = sole_points(clip)[:, :, :2]  # the toes' tip often goes through the floor when a foot pushes off
     speeds = point_speeds(points, clip.fps, limits.smoothing)
-    heights = points[..., 1] - floor[:, :, None]
-    on = ((heights < limits.height_on) & (speeds < limits.speed_on)).any(axis=2)
-    stay = ((heights < limits.height_off) & (speeds < limits.speed_off)).any(axis=2)
+    off = np.clip(limits.speed_share * _nearby_highest(speeds.min(axis=2), clip.fps, limits), *limits.speed_off)[
+        :, :, None
+    ]
+    slow = speeds < limits.speed_on * off
+    heights = points[..., 1] - _floor(points[..., 1], slow, clip.fps, limits)
+    on = ((heights < limits.height_on) & slow).any(axis=2)
+    stay = ((heights < limits.height_off) & (speeds < off)).any(axis=2)
     shortest = max(1, round(limits.shortest * clip.fps))
     flags = np.empty((len(clip), 2), dtype=np.bool_)
     for k in range(2):
@@ -106,15 +110,38 @@ def point_speeds(points: Array, fps: float, smoothing: float) -> Array:
     return np.asarray(np.linalg.norm(points[last] - points[first], axis=-1) / seconds, dtype=np.float64)
 
 
-def _local_floor(lowest: Array, fps: float, limits: ContactLimits) -> Array:
-    """(F, 2) m: the lowest place of each foot near each frame, at most ``slope`` over the clip's."""
+def _nearby_highest(values: Array, fps: float, limits: ContactLimits) -> Array:
+    """(F, ...) the highest value within the window around each frame."""
+    from scipy.ndimage import maximum_filter1d
+
+    return np.asarray(maximum_filter1d(values, _width(len(values), fps, limits), axis=0, mode="nearest"))
+
+
+def _width(frames: int, fps: float, limits: ContactLimits) -> int:
+    return min(2 * max(1, round(limits.window * fps)) + 1, 2 * frames + 1)
+
+
+def _floor(heights: Array, slow: Flags, fps: float, limits: ContactLimits) -> Array:
+    """(F, 2, 2) m: the floor under heel and ball of each foot: the lowest slow place nearby.
+
+    Each point has a floor of its own, because captured ankles and toes differ in height at rest by centimetres.
+    """
     from scipy.ndimage import minimum_filter1d
 
-    frames = len(lowest)
-    base = float(np.percentile(lowest.min(axis=1), 5))
-    size = min(2 * max(1, round(limits.window * fps)) + 1, 2 * frames + 1)
-    near = minimum_filter1d(lowest, size, axis=0, mode="nearest")
+    rested = np.where(slow, heights, np.inf)
+    lowest = np.percentile(heights, 5, axis=0)
+    base = np.array([[_low(rested[:, k, p], lowest[k, p]) for p in range(2)] for k in range(2)])
+    # A foot that is in the air all the time has no floor of its own.
+    base = np.minimum(base, base.min(axis=0) + limits.slope)
+    near = minimum_filter1d(rested, _width(len(heights), fps, limits), axis=0, mode="nearest")
+    near = np.where(np.isfinite(near), near, base)
     return np.clip(near, base - limits.slope, base + limits.slope)
+
+
+def _low(heights: Array, otherwise: float) -> float:
+    """The 10th percentile of finite heights; ``otherwise`` where there are hardly any."""
+    there = heights[np.isfinite(heights)]
+    return float(np.percentile(there, 10)) if len(there) >= 3 else otherwise
 
 
 def _hysteresis(on: Flags, stay: Flags) -> Flags:
