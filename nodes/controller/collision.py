@@ -1,0 +1,221 @@
+"""Self-collision avoidance: limbs keep out of the body (Oshita 2013 section 6.5, eqs 27-28).
+
+A limb goes from its place of the last step, which was free, toward the new one in small strides (the search
+of eq. 27 from its safe end) and is pushed out along the separating axis of the boxes after each (instead
+of eq. 28, which pushes both arms the same way round), so it slides along the body on the side on which it
+is. Part of a push on a forearm or shin turns the elbow or knee.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bunraku.figure.boxes import box_axes, pair_gap, place_boxes_into
+from bunraku.figure.jit import kernel
+from bunraku.figure.pointpose import keep_above_floor, reconstruct_limb
+from bunraku.figure.quat import inv_mul, mul, rotate, slerp
+from bunraku.figure.rig import Rig
+from bunraku.nodes.controller.state import Gains, State, Under
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+STRIDE = 0.04
+"""m: the longest way between two looks."""
+MOST_STRIDES = 10
+PUSHES = 6
+"""Most pushes after one stride."""
+PUSH_HALF_LIFE = 0.25
+"""s in which the turn of an elbow that avoided something goes back."""
+
+
+class Contacts(NamedTuple):
+    """What may touch what."""
+
+    parts: Index  # (4, 4) joints with a box of each limb, from upper on; -1 for none
+    others: Index  # (4, 4, K) joints that each part must not overlap; -1 for none
+
+
+@kernel
+def place_limb(
+    rig: Rig, st: State, under: Under, limb: int, rotations_ls: Array, positions_ws: Array, rotations_ws: Array
+) -> None:
+    """Pose one limb for its point and swivel, and bring its world arrays up to date."""
+    reconstruct_limb(
+        rig, under.base, limb, st.points[1 + limb], st.swivels[limb], positions_ws, rotations_ws, rotations_ls
+    )  # fmt: skip
+    upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
+    v = np.empty(3)
+    for joint in range(upper, rig.parents.shape[0]):
+        parent = rig.parents[joint]
+        if joint != upper and parent < upper:
+            break
+        if joint == end and limb >= 2:
+            turn = np.empty(4)
+            side = limb - 2
+            mul(rotations_ws[lower], under.base.rotations_ls[end], turn)
+            slerp(turn, st.feet[side], st.feet_level[side], turn)
+            keep_above_floor(rig, side, max(st.points[3 + side, 1], rig.ankle_heights[side]), turn)
+            inv_mul(rotations_ws[lower], turn, rotations_ls[end])
+        rotate(rotations_ws[parent], rig.offsets[joint], v)
+        for k in range(3):
+            positions_ws[joint, k] = positions_ws[parent, k] + v[k]
+        mul(rotations_ws[parent], rotations_ls[joint], rotations_ws[joint])
+
+
+@kernel
+def deepest_contact(
+    rig: Rig, contacts: Contacts, limb: int, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array,
+    push: Array,
+) -> float:  # fmt: skip
+    """The smallest gap (m, negative for an overlap) of a limb with the rest.
+
+    ``push`` (4): the way out (3) and where on its bone: 0 upper bone's root .. 1 elbow .. 2 end and beyond.
+    """
+    least = 1e9
+    axis, v = np.empty(3), np.empty(3)
+    upper, lower = rig.limbs[limb, 0], rig.limbs[limb, 1]
+    for n in range(4):
+        part = contacts.parts[limb, n]
+        if part < 0:
+            continue
+        rotate(rotations_ws[part], rig.box_centers[part], centers[part])
+        for k in range(3):
+            centers[part, k] += positions_ws[part, k]
+        box_axes(rotations_ws[part], axes[part])
+        for m in range(contacts.others.shape[2]):
+            other = contacts.others[limb, n, m]
+            if other < 0:
+                break
+            gap = pair_gap(centers, axes, rig.box_sizes, part, other, axis)
+            if gap < least:
+                least = gap
+                for k in range(3):
+                    push[k] = axis[k]
+                if n >= 2:
+                    push[3] = 2.0
+                else:
+                    bone = upper if n == 0 else lower
+                    far = lower if n == 0 else rig.limbs[limb, 2]
+                    along, length = 0.0, 0.0
+                    for k in range(3):
+                        v[k] = positions_ws[far, k] - positions_ws[bone, k]
+                        along += v[k] * (centers[other, k] - positions_ws[bone, k])
+                        length += v[k] * v[k]
+                    push[3] = n + min(1.0, max(0.0, along / max(length, 1e-9)))
+    return least
+
+
+@kernel
+def push_limb(
+    rig: Rig, st: State, limb: int, push: Array, depth: float, positions_ws: Array, rotations_ws: Array
+) -> None:
+    """Move a limb's end, and turn its elbow or knee, so that the contact moves ``depth`` (m) out."""
+    upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
+    row = limb + 1
+    place = push[3]
+    to_end = min(1.0, max(0.0, place - 1.0))
+    to_hinge = 1.0 - to_end if place >= 1.0 else place
+    # The elbow moves by its swivel alone, so only across the line from root to end.
+    axis, pole, square = np.empty(3), np.empty(3), np.empty(3)
+    n = 0.0
+    for k in range(3):
+        axis[k] = positions_ws[end, k] - positions_ws[upper, k]
+        n += axis[k] * axis[k]
+    n = max(sqrt(n), 1e-6)
+    along = 0.0
+    for k in range(3):
+        axis[k] /= n
+        pole[k] = positions_ws[lower, k] - positions_ws[upper, k]
+        along += pole[k] * axis[k]
+    radius = 0.0
+    for k in range(3):
+        pole[k] -= along * axis[k]
+        radius += pole[k] * pole[k]
+    radius = sqrt(radius)
+    square[0] = axis[1] * pole[2] - axis[2] * pole[1]
+    square[1] = axis[2] * pole[0] - axis[0] * pole[2]
+    square[2] = axis[0] * pole[1] - axis[1] * pole[0]
+    across = 0.0
+    if radius > 0.02:
+        across = (square[0] * push[0] + square[1] * push[1] + square[2] * push[2]) / radius
+    # Shares by lever: hinge moves `to_hinge * across`, end moves `to_end` (or as a lever beyond the hinge).
+    by_end = 0.5 * place * along / n if place < 1.0 else to_end + (1.0 - to_end) * along / n
+    by_hinge = to_hinge * across
+    total = by_end * by_end + by_hinge * by_hinge
+    if total < 0.01:
+        return
+    move = depth * by_end / total
+    for k in range(3):
+        st.points[row, k] += move * push[k]
+    if radius > 0.02:
+        turn = depth * by_hinge / total / radius
+        turn = min(0.2, max(-0.2, turn))
+        st.swivels[limb] += turn
+        st.pushes[limb] += turn
+        st.pushes[limb] = min(1.2, max(-1.2, st.pushes[limb]))
+
+
+@kernel
+def avoid(
+    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, before: Array, rotations_ls: Array,
+    positions_ws: Array, rotations_ws: Array, dt: float,
+) -> None:  # fmt: skip
+    """Move free limbs out of the body, in place; ``before`` (5, 3) are the points of the last step."""
+    joints = rig.parents.shape[0]
+    centers, axes, push = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4)
+    place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
+    goal, start, safe = np.empty(3), np.empty(3), np.empty(3)
+    for limb in range(4):
+        row = limb + 1
+        for k in range(3):
+            goal[k] = st.points[row, k]
+            # The last place, taken along with the shoulder or hip.
+            start[k] = before[row, k] + positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
+        fixed = limb >= 2 and st.planted[limb - 2] > 0.5
+        place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+        gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
+        way = 0.0
+        for k in range(3):
+            way += (goal[k] - start[k]) ** 2
+        way = sqrt(way)
+        decay = 0.5 ** (dt / PUSH_HALF_LIFE)
+        if fixed or (gap >= gains.clearance and way <= 2.0 * STRIDE):
+            if gap > 0.03:
+                st.pushes[limb] *= decay
+            continue
+        strides = min(MOST_STRIDES, max(1, int(np.ceil(way / STRIDE))))
+        for k in range(3):
+            st.points[row, k] = start[k]
+        for stride in range(strides):
+            left = 1.0 / (strides - stride)
+            for k in range(3):
+                safe[k] = st.points[row, k]
+                st.points[row, k] += (goal[k] - st.points[row, k]) * left
+            for _ in range(PUSHES):
+                place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+                gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
+                if gap >= 0.0:
+                    break
+                push_limb(rig, st, limb, push, gains.clearance - gap, positions_ws, rotations_ws)
+        if gap < -0.004:
+            # Pushing did not help: back toward the last free place (eq. 27).
+            low, high = 0.0, 1.0
+            for k in range(3):
+                safe[k] = st.points[row, k]
+            for _ in range(5):
+                t = 0.5 * (low + high)
+                for k in range(3):
+                    st.points[row, k] = start[k] + t * (safe[k] - start[k])
+                place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+                gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
+                if gap >= -0.002:
+                    low = t
+                else:
+                    high = t
+            for k in range(3):
+                st.points[row, k] = start[k] + low * (safe[k] - start[k])
+        place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+        deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)

@@ -1,0 +1,117 @@
+"""What the ground asks of the body: legs that reach their planted feet, feet that come down well apart."""
+
+from math import acos, atan2, cos, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bunraku.figure.jit import kernel
+from bunraku.figure.quat import rotate
+from bunraku.figure.rig import Rig
+from bunraku.nodes.controller.state import ANKLE_BEND
+
+Array = NDArray[np.float64]
+
+ANKLE = float(ANKLE_BEND)
+NARROW, WIDE, LONG = 0.12, 0.60, 0.50
+"""m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
+LOWEST_PELVIS = 0.25
+"""m above the floor."""
+
+
+@kernel
+def keep_pelvis_over_feet(
+    rig: Rig, exact: Array, pelvis: Array, hips: Array, points: Array, feet: Array, planted: Array, duck: float
+) -> None:
+    """Move the pelvis (3, m, in place) the least that lets the legs reach every planted foot.
+
+    Args:
+        exact: (4,) m, how far each limb reaches exactly (a `Base`'s).
+        hips: (2, 3) m from the pelvis to each hip joint.
+        duck: least hip to ankle as a share of the leg.
+    """
+    forward, ahead = np.empty(3), np.array([0.0, 0.0, 1.0])
+    v = np.empty(3)
+    for _ in range(6):
+        worst = 0.0
+        for side in range(2):
+            if planted[side] < 0.5:
+                continue
+            upper, lower = rig.lengths[2 + side, 0], rig.lengths[2 + side, 1]
+            d = 0.0
+            for k in range(3):
+                v[k] = points[3 + side, k] - pelvis[k] - hips[side, k]
+                d += v[k] * v[k]
+            d = max(sqrt(d), 1e-6)
+            longest = exact[2 + side]
+            shortest = max(duck * (upper + lower), rig.reach[2 + side, 0])
+            off = 0.0
+            if d > longest:
+                off = 1.0 - longest / d
+            elif d < shortest:
+                off = 1.0 - shortest / d
+            for k in range(3):
+                pelvis[k] += off * v[k]
+            worst = max(worst, abs(off) * d)
+            # The shin may lean over the foot only so far; farther down, the seat goes back.
+            d = min(longest, max(shortest, d))
+            rotate(feet[side], ahead, forward)
+            n = max(sqrt(forward[0] ** 2 + forward[2] ** 2), 1e-6)
+            fx, fz = forward[0] / n, forward[2] / n
+            hip_ahead = (pelvis[0] + hips[side, 0] - points[3 + side, 0]) * fx
+            hip_ahead += (pelvis[2] + hips[side, 2] - points[3 + side, 2]) * fz
+            height = max(pelvis[1] + hips[side, 1] - points[3 + side, 1], 1e-3)
+            fold = (d * d + lower * lower - upper * upper) / (2.0 * d * lower)
+            lean = acos(min(1.0, max(-1.0, fold))) + atan2(hip_ahead, height)
+            if lean > ANKLE:
+                back = min(height * (lean - ANKLE), 0.05)
+                pelvis[0] -= back * fx
+                pelvis[2] -= back * fz
+                worst = max(worst, back)
+        if worst < 1e-6:
+            break
+    pelvis[1] = max(pelvis[1], LOWEST_PELVIS)
+
+
+@kernel
+def landing_place(rig: Rig, side: int, x: Array, anchor: Array, over_foot: bool, heading: float, out: Array) -> None:
+    """Where a free foot at ``x`` (3, m) comes down: straight below, but well apart from the other foot.
+
+    ``anchor`` (3) is the other foot's ankle or, with ``over_foot`` false, the pelvis.
+    """
+    sign = 1.0 if side == 0 else -1.0
+    c, s = cos(heading), sin(heading)
+    dx, dz = x[0] - anchor[0], x[2] - anchor[2]
+    aside, ahead = sign * (c * dx - s * dz), s * dx + c * dz
+    shift = 0.0 if over_foot else 0.09
+    aside = min(WIDE - shift, max(NARROW - shift, aside))
+    ahead = min(LONG, max(-LONG, ahead))
+    out[0] = anchor[0] + c * sign * aside + s * ahead
+    out[1] = rig.ankle_heights[side]
+    out[2] = anchor[2] - s * sign * aside + c * ahead
+
+
+@kernel
+def pelvis_home(rig: Rig, points: Array, support: Array, heading: float, out: Array) -> None:
+    """Where the pelvis (3, m) stands at ease over its feet."""
+    total = 0.0
+    out[0], out[2] = 0.0, 0.0
+    for side in range(2):
+        w = 0.01 + support[side]
+        out[0] += w * points[3 + side, 0]
+        out[2] += w * points[3 + side, 2]
+        total += w
+    out[0] /= total
+    out[2] /= total
+    hip_x = 0.5 * (rig.rest_positions[rig.limbs[2, 0], 0] + rig.rest_positions[rig.limbs[3, 0], 0])
+    hip_z = 0.5 * (rig.rest_positions[rig.limbs[2, 0], 2] + rig.rest_positions[rig.limbs[3, 0], 2])
+    drop = rig.rest_positions[0, 1] - 0.5 * (
+        rig.rest_positions[rig.limbs[2, 0], 1] + rig.rest_positions[rig.limbs[3, 0], 1]
+    )
+    c, s = cos(heading), sin(heading)
+    hip_z -= rig.rest_positions[0, 2]
+    hip_x -= rig.rest_positions[0, 0]
+    out[0] -= c * hip_x + s * hip_z
+    out[2] -= c * hip_z - s * hip_x
+    leg = 0.5 * (rig.reach[2, 1] + rig.reach[3, 1])
+    out[1] = 0.5 * (rig.ankle_heights[0] + rig.ankle_heights[1]) + 0.995 * leg + drop
