@@ -1,0 +1,364 @@
+"""The pen as a puppet: strokes become walking, steps and jumps; tilt and pressure become posture.
+
+After Oshita 2005, Pen-to-mime: the queue of points (5.1), the start of a motion (5.2), its parameters (5.3)
+and the displays of section 3.
+"""
+
+from dataclasses import dataclass, field
+from math import atan2, ceil, exp
+from typing import Any
+
+import numpy as np
+
+from bunraku.msgs import CommandBase, Jump, Locomotion, PathPoint, Pen, Primitive, Stand, Step
+from bunraku.nodes.interpreter.core import Meaning, Scene
+from bunraku.nodes.interpreter.pen_ground import (
+    Point,
+    distance,
+    duck_of,
+    in_heading,
+    lean_of,
+    on_picture,
+    on_tablet,
+)
+from bunraku.nodes.interpreter.pen_rules import PenRules
+from bunraku.nodes.interpreter.pen_stroke import Event, PenTrack, Sample, StrokePoint
+
+PATH_COLOR = (0.95, 0.72, 0.20, 1.0)
+RANGE_COLOR = (0.25, 0.55, 0.90, 0.8)
+MOST_POINTS = 4000
+FLOOR = 0.006
+"""m above the ground at which paths are drawn."""
+
+
+@dataclass
+class Walk:
+    """A path being walked: whole, from the first stroke that began it."""
+
+    id: int
+    points: list[StrokePoint] = field(default_factory=list)
+    complete: bool = False
+    taken: int = 0
+    """How many points of the present stroke it has."""
+    base: float = 0.0
+    """m of arc length before the present stroke."""
+    place: float = 0.0
+    """m of arc length where the figure is."""
+
+    @property
+    def length(self) -> float:
+        """m of path."""
+        return self.points[-1].arc if self.points else 0.0
+
+    @property
+    def left(self) -> float:
+        """m of path before the figure."""
+        return self.length - self.place
+
+
+def locate(points: list[StrokePoint], place: Point, before: float, window: float = 1.5) -> float:
+    """The arc length (m) of the path's point nearest to ``place``, at most ``window`` m beyond ``before``."""
+    best, nearest = before, float("inf")
+    for one in points:
+        if before - 0.2 <= one.arc <= before + window:
+            away = distance(one.place, place)
+            if away < nearest:
+                best, nearest = one.arc, away
+    return max(best, before)
+
+
+def resample(points: list[StrokePoint], begin: float, rules: PenRules, average: float = 0.15) -> list[PathPoint]:
+    """The path from arc length ``begin`` (m) on, evenly spaced, with speed and posture averaged around each point.
+
+    Posture at a place is the average of the samples that were recorded near it (section 5.3).
+    """
+    if not points:
+        return []
+    arcs = np.array([one.arc for one in points])
+    table = np.array([[*one.place, one.speed, *one.lean, duck_of(one.pressure, rules)] for one in points])
+    end = float(arcs[-1])
+    count = min(max(ceil((end - begin) / rules.spacing) + 1, 2), MOST_POINTS)
+    at = np.linspace(min(begin, end), end, count)
+    columns = [np.interp(at, arcs, table[:, k]) for k in range(2)]
+    order = np.searchsorted(arcs, [at - average, at + average])
+    sums = np.vstack([np.zeros(4), np.cumsum(table[:, 2:], axis=0)])
+    low, high = order[0], np.maximum(order[1], order[0] + 1)
+    high = np.minimum(high, len(points))
+    low = np.minimum(low, high - 1)
+    mean = (sums[high] - sums[low]) / (high - low)[:, None]
+    step = np.gradient(np.stack(columns, axis=1), axis=0) if count > 1 else np.zeros((1, 2))
+    path = []
+    for k in range(count):
+        tilt, bend = in_heading((float(mean[k, 1]), float(mean[k, 2])), atan2(step[k, 0], step[k, 1]))
+        speed = float(np.clip(mean[k, 0], rules.slowest, rules.fastest))
+        path.append(
+            PathPoint(
+                x=float(columns[0][k]),
+                z=float(columns[1][k]),
+                speed=speed,
+                tilt=tilt,
+                bend=bend,
+                duck=float(mean[k, 3]),
+            )
+        )
+    return path
+
+
+class PenCore:
+    """One figure under one pen; a second pen is heard when the first is away."""
+
+    def __init__(self, rules: PenRules | None = None, *, surface: str = "tablet", early: bool = False) -> None:
+        self.rules = rules or PenRules()
+        self.surface = surface
+        self.early = early
+        self.track = PenTrack(self.rules)
+        self.walk: Walk | None = None
+        self.device = ""
+        self.lean: Point = (0.0, 0.0)
+        self.pressure = 0.0
+        self.count = 0
+        self._placed = False
+        self._time = 0.0
+        self._near = False
+        self._said: tuple[float, float, float, float | None] | None = None
+        self._stand_id = 0
+        self._twist: tuple[float, float] | None = None
+        self._heading: float | None = None
+        self._queue: list[CommandBase] = []
+        self._changed = False
+        self._walking_said = 0.0
+
+    # The core's protocol
+
+    @property
+    def busy(self) -> bool:
+        """A pen is near, or a stroke or a walk goes on."""
+        return self._near or not self.track.stopped or self.walk is not None or self.pressure > 1e-3
+
+    def hear(self, message: Pen, scene: Scene) -> None:
+        """A pen's sample."""
+        if self.device and message.device != self.device and self._near:
+            return
+        self.device = message.device
+        self._settle(scene)
+        self._near = message.in_range
+        place = self._place(message, scene)
+        time = self._sample_time(message, scene.now)
+        share = 1.0 - exp(-max(time - self._time, 0.0) / self.rules.posture_lag) if self._time else 1.0
+        self._time = time
+        lean = lean_of(message, scene.camera, self.rules) if message.in_range else (0.0, 0.0)
+        self.lean = tuple(a + (b - a) * share for a, b in zip(self.lean, lean, strict=True))  # type: ignore[assignment]
+        wanted = message.pressure if message.contact else 0.0
+        self.pressure += (wanted - self.pressure) * share
+        self._turn(message, scene)
+        if place is None:
+            return
+        sample = Sample(time, place, message.contact and message.in_range, message.pressure, self.lean)
+        for event in self.track.hear(sample):
+            self._take(event, scene)
+
+    def lose(self, device: str, scene: Scene) -> None:
+        """The pen is gone: its stroke ends where it was."""
+        if device != self.device:
+            return
+        self._near = False
+        self._twist = None
+        if self.track.contact:
+            self.track.contact = False
+            self.track.moved_at = min(self.track.moved_at, scene.now)
+        self.lean, self.pressure = (0.0, 0.0), 0.0
+
+    def update(self, scene: Scene) -> Meaning:
+        """Commands for what was drawn, and what to show."""
+        self._settle(scene)
+        for event in self.track.wait(scene.now):
+            self._take(event, scene)
+        if not self._near:  # nobody sends samples any more: the posture eases by itself
+            stay = exp(-max(scene.now - self._time, 0.0) / self.rules.posture_lag)
+            self.pressure *= stay
+            self.lean = (self.lean[0] * stay, self.lean[1] * stay)
+            self._time = scene.now
+        self._follow(scene)
+        commands, self._queue = self._queue, []
+        if self.walk is not None and self._changed:
+            commands.append(self._locomotion(self.walk))
+        elif self.walk is None:
+            posture = self._posture(scene)
+            if posture is not None:
+                commands.append(posture)
+        self._changed = False
+        return Meaning(commands=commands, overlay=self._draw(scene))
+
+    def save(self) -> dict[str, Any]:
+        """Where the next stroke begins, and the counter of commands."""
+        return {"count": self.count, "end": list(self.track.end), "placed": self._placed}
+
+    def restore(self, state: dict[str, Any], scene: Scene) -> None:
+        """Take up after a crash: a pen in contact goes on from the last stroke's end."""
+        self.count = int(state.get("count", 0))
+        x, z = state.get("end", (0.0, 0.0))
+        self.track.reset((float(x), float(z)))
+        self._placed = bool(state.get("placed"))
+
+    # Strokes
+
+    def _take(self, event: Event, scene: Scene) -> None:
+        rules, stroke = self.rules, self.track.stroke
+        if event.kind == "moving":
+            if self.walk is None and self._is_locomotion():
+                self.walk = Walk(self._next_id(scene))
+            elif self.walk is not None and self.walk.complete and self.walk.left > rules.rejoin:
+                self.walk.complete = False
+                self.walk.base, self.walk.taken = self.walk.length, 0
+            if self.walk is not None and not self.walk.complete:
+                self._lengthen(self.walk)
+        elif event.kind == "stop":
+            if self.walk is not None and not self.walk.complete:
+                self._lengthen(self.walk)
+                self.walk.complete = True
+                self._changed = True
+            elif self.walk is None and stroke.reach >= rules.least_step:
+                x, z = stroke.points[-1].place
+                self._queue.append(Step(id=self._next_id(scene), goal=(x, 0.0, z)))
+            elif self.walk is None and stroke.points:
+                self.track.end = stroke.points[0].place  # a twitch moves nothing
+        elif event.kind == "landing":
+            if self.walk is not None:
+                self.walk.complete = True
+                self._queue.append(self._locomotion(self.walk))
+                self.walk = None
+            away = distance((0.0, 0.0), event.way)
+            height = rules.jump_low + (rules.jump_high - rules.jump_low) * min(max(event.pressure, 0.0), 1.0)
+            goal = None if away <= rules.jump_same else (self.track.end[0], 0.0, self.track.end[1])
+            if goal is None:
+                self.track.end = (self.track.end[0] - event.way[0], self.track.end[1] - event.way[1])
+            self._queue.append(Jump(id=self._next_id(scene), goal=goal, height=height))
+
+    def _is_locomotion(self) -> bool:
+        rules, stroke = self.rules, self.track.stroke
+        if stroke.length > rules.longest_step:
+            return True
+        fast = stroke.fast_since is not None and self.track.moved_at - stroke.fast_since >= rules.early_time
+        return self.early and fast and stroke.reach >= rules.early_step
+
+    def _lengthen(self, walk: Walk) -> None:
+        fresh = self.track.stroke.points[walk.taken :]
+        for one in fresh:
+            arc = walk.base + one.arc
+            if not walk.points or arc > walk.length:
+                walk.points.append(StrokePoint(one.place, arc, one.speed, one.lean, one.pressure))
+        walk.taken = len(self.track.stroke.points)
+        self._changed = self._changed or bool(fresh)
+
+    def _locomotion(self, walk: Walk) -> Locomotion:
+        begin = max(0.0, walk.place - self.rules.behind)
+        return Locomotion(
+            id=walk.id, path=resample(walk.points, begin, self.rules), start=begin, complete=walk.complete
+        )
+
+    def _follow(self, scene: Scene) -> None:
+        """Where the figure is on its path; a path that was walked to its end is done with."""
+        walk = self.walk
+        if walk is None:
+            return
+        walk.place = locate(walk.points, self._figure(scene), walk.place)
+        if walk.complete and walk.left <= 0.12:
+            self.walk = None
+            self._said = None
+        elif walk.place - self.rules.behind > 4.0 * self.rules.behind:
+            keep = walk.place - self.rules.behind
+            first = next(k for k, one in enumerate(walk.points) if one.arc >= keep)
+            if first > 400:
+                del walk.points[:first]
+
+    # Posture
+
+    def _posture(self, scene: Scene) -> Stand | None:
+        tilt, bend = in_heading(self.lean, self._yaw(scene))
+        duck = duck_of(self.pressure, self.rules)
+        now = (tilt, bend, duck, self._heading)
+        said = self._said
+        if said is None:
+            if max(abs(tilt), abs(bend), duck) < self.rules.posture_step and self._heading is None:
+                return None
+            self._stand_id = self._next_id(scene)
+        elif all(abs((a or 0.0) - (b or 0.0)) < self.rules.posture_step for a, b in zip(now, said, strict=True)):
+            return None
+        self._said = now
+        return Stand(id=self._stand_id, tilt=tilt, bend=bend, duck=duck, heading=self._heading)
+
+    def _turn(self, pen: Pen, scene: Scene) -> None:
+        """A pen that tells its twist turns the standing body."""
+        if pen.twist is None or not pen.in_range or self.walk is not None:
+            self._twist = None
+            if self.walk is not None:
+                self._heading = None
+            return
+        if self._twist is None:
+            self._twist = (pen.twist, self._yaw(scene))
+        from_twist, from_yaw = self._twist
+        turned = atan2(*_sin_cos(pen.twist - from_twist))
+        if self._heading is not None or abs(turned) > self.rules.twist_dead:
+            self._heading = from_yaw - turned  # clockwise from above is negative about +Y
+
+    # Places and times
+
+    def _place(self, pen: Pen, scene: Scene) -> Point | None:
+        if self.surface == "picture":
+            return on_picture(pen, scene.camera)
+        return on_tablet(pen, scene.camera, self.rules)
+
+    def _sample_time(self, pen: Pen, now: float) -> float:
+        """The device's own time where it is sound, so that the way here adds no jitter to speeds."""
+        sampled = (pen.origin or 0) * 1e-9
+        return sampled if 0.0 <= now - sampled < 0.5 else now
+
+    def _figure(self, scene: Scene) -> Point:
+        hips = scene.positions[scene.joint("hips")]
+        return float(hips[0]), float(hips[2])
+
+    def _yaw(self, scene: Scene) -> float:
+        x, y, z, w = (float(v) for v in scene.turns[scene.joint("hips")])
+        return atan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y))
+
+    def _settle(self, scene: Scene) -> None:
+        """While nothing is drawn, the next stroke begins where the figure stands."""
+        here = self._figure(scene)
+        if not self._placed:
+            self._placed = True
+            self.track.end = here
+        idle = self.track.stopped and not self.track.contact and self.walk is None and not self._queue
+        if idle and all(scene.planted) and scene.now - self.track.moved_at > 2.0:
+            self.track.end = here
+
+    def _next_id(self, scene: Scene) -> int:
+        self.count = max(self.count + 1, int(scene.now * 1e3))
+        return self.count
+
+    # Display
+
+    def _draw(self, scene: Scene) -> list[Primitive]:
+        shown: list[Primitive] = []
+        points = self.walk.points if self.walk is not None else self.track.stroke.points
+        if len(points) > 1 and (self.walk is not None or not self.track.stopped):
+            keep = points[:: max(1, len(points) // 300)]
+            if keep[-1] is not points[-1]:
+                keep = [*keep, points[-1]]
+            line: list[tuple[float, ...]] = [(one.place[0], FLOOR, one.place[1]) for one in keep]
+            shown.append(Primitive(kind="line", points=line, color=PATH_COLOR, size=0.02))
+        if self.track.jumping(scene.now):
+            x, z = self.track.end
+            for radius in (self.rules.jump_same, self.rules.jump_range):
+                shown.append(
+                    Primitive(kind="circle", points=[(x, FLOOR, z)], color=RANGE_COLOR, size=radius, label="jump")
+                )
+        cursor = self.track.cursor
+        if cursor is not None and self._near:
+            shown.append(
+                Primitive(kind="circle", points=[(cursor[0], FLOOR, cursor[1])], color=PATH_COLOR, size=0.06)
+            )
+        return shown
+
+
+def _sin_cos(angle: float) -> tuple[float, float]:
+    return float(np.sin(angle)), float(np.cos(angle))

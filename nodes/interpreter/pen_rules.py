@@ -1,0 +1,77 @@
+"""Every threshold of the pen's interpretation, in figure metres, seconds and radians."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PenRules:
+    """How strokes are told apart and what pressure and tilt mean.
+
+    The four kinds of points (moving, stop, jump landing, reset) and what follows from each are those of
+    Oshita 2005, section 5.1 and figure 10; the numbers are chosen here.
+    """
+
+    scale: float = 16.0
+    """Figure metres for each metre of a tablet: a tablet 25 cm wide shows 4 m."""
+    tablet_width: float = 0.25
+    """m, assumed for a tablet that does not tell its size."""
+    still: float = 0.03
+    """m: a pen that stays within this is still."""
+    stop_time: float = 0.22
+    """s that a pen is still, or away, before its stroke has ended."""
+    least_step: float = 0.10
+    """m: a shorter stroke is no step."""
+    longest_step: float = 0.75
+    """m: a longer stroke is locomotion."""
+    early_step: float = 0.40
+    """m after which an unambiguous stroke starts early (an option)."""
+    early_speed: float = 1.2
+    """m/s of the pen that makes it unambiguous."""
+    early_time: float = 0.12
+    """s of such speed before it does."""
+    bounce_time: float = 0.025
+    """s: a shorter loss of contact is none."""
+    jump_time: float = 0.70
+    """s between lift and landing at most; generous, because timing was the pen's weakness in the paper's test."""
+    jump_range: float = 1.60
+    """m from lift to landing at most; farther is a reset."""
+    jump_same: float = 0.18
+    """m within which a landing is a vertical jump."""
+    fling_speed: float = 6.0
+    """m/s: a gap that is crossed faster than this in less than `fling_time` is fast motion, no jump."""
+    fling_time: float = 0.08
+    """s."""
+    jump_low: float = 0.10
+    """m of height at the lightest pressure before the lift."""
+    jump_high: float = 0.50
+    """m at the strongest."""
+    press_window: float = 0.15
+    """s before the lift whose strongest pressure counts."""
+    slowest: float = 0.45
+    """m/s: locomotion is never slower while there is path left."""
+    fastest: float = 3.6
+    """m/s: the running limit."""
+    speed_lag: float = 0.12
+    """s over which the pen's speed is averaged along its path."""
+    spacing: float = 0.05
+    """m between the points of a path."""
+    rejoin: float = 0.30
+    """m of path left with which a pen that moves on lengthens the same path instead of beginning a new one."""
+    behind: float = 1.0
+    """m of path kept behind the figure."""
+    press_light: float = 0.45
+    """Pressure up to which the figure stands upright (writing pressure)."""
+    press_full: float = 0.95
+    """Pressure at which it ducks wholly."""
+    tilt_dead: float = 0.26
+    """rad off upright that mean nothing: nobody holds a pen quite upright."""
+    tilt_full: float = 0.95
+    """rad off upright for the full lean."""
+    lean: float = 0.80
+    """rad of the full lean."""
+    posture_lag: float = 0.06
+    """s, low-pass of pressure and tilt."""
+    posture_step: float = 0.01
+    """rad, or share of duck: smaller changes of posture are not said."""
+    twist_dead: float = 0.20
+    """rad of pen twist before the body turns with it."""
