@@ -27,6 +27,8 @@ class Recorder(Node):
     compression: str = param("zstd", choices=["zstd", "lz4", "none"], doc="of the bag's chunks")
 
     writer: BagWriter | None = None
+    last: dict[str, Any] = {}
+    """What was told of the bag ended last."""
 
     def setup(self) -> None:
         """Begin where an output is given."""
@@ -153,6 +155,7 @@ class Recorder(Node):
             self._fail(error)
             return told
         self.writer = None
+        self.last = told
         self.log.info(
             "recorded %d messages (%s) on %d topics to %s, %d missing by seq",
             told["messages"],
