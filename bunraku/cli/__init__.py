@@ -122,7 +122,7 @@ def _main(words: list[str]) -> int:
         args = parser.parse_intermixed_args(rest) if parser.intermixed else parser.parse_args(rest)
     except SystemExit as exit_:
         return exit_.code if isinstance(exit_.code, int) else USAGE
-    args.words = rest
+    args.given = rest
     try:
         return int(module.run(args) or 0)
     except SystemExit as exit_:

@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
         return _params(args)
     if not chosen and node.jit:
         os.environ["BUNRAKU_JIT"] = "1"
-        os.execv(sys.executable, [sys.executable, "-m", "bunraku.cli", "run", *args.words])
+        os.execv(sys.executable, [sys.executable, "-m", "bunraku.cli", "run", *args.given])
     return run_node(
         node,
         name=args.name,
