@@ -5,10 +5,13 @@ exactly what it calls is compiled, with the types that it calls it with, into th
 """
 
 import os
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from bunraku.cli import Problem
 
 MARK = "warm"
 MOMENT = 0.2
@@ -54,6 +57,25 @@ def warm(node: str) -> None:
     stage.advance(MOMENT)
     mark(node).parent.mkdir(parents=True, exist_ok=True)
     mark(node).touch()
+
+
+def compile_missing(nodes: Sequence[str]) -> None:
+    """Compile what is not compiled, in a process of its own that says so; raises `Problem`."""
+    cold = missing(nodes)
+    if not cold:
+        return
+    print("compiling the kernels, once (some tens of seconds)", file=sys.stderr, flush=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "bunraku.cli.kernels", *cold],
+        env={**os.environ, "BUNRAKU_JIT": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        check=False,
+    )
+    if done.returncode:
+        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise Problem(f"compiling the kernels failed: {last}; bunraku doctor looks at the cache")
 
 
 def _samples() -> list[tuple[str, Any]]:

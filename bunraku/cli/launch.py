@@ -9,14 +9,12 @@ bunraku launch touch --replay show.mcap --replace input_touch
 import argparse
 import contextlib
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from bunraku.cli import FAILURE, USAGE, Problem
+from bunraku.cli import USAGE, Problem
 from bunraku.cli.output import add_json, add_stage, folder_of, print_json, print_rows, table
 
 if TYPE_CHECKING:
@@ -215,16 +213,6 @@ def _warm(planned: "Sequence[Planned]") -> None:
     """Compile the kernels once, before anything is live."""
     from bunraku.cli import kernels
 
-    needed = sorted({f"{one.node.__module__}:{one.node.__qualname__}" for one in planned if one.node.jit})
-    cold = kernels.missing(needed)
-    if not cold:
-        return
-    print("launch: compiling the kernels, once (some tens of seconds)", file=sys.stderr, flush=True)
-    environment: dict[str, Any] = {**os.environ, "BUNRAKU_JIT": "1"}
-    words = [sys.executable, "-m", "bunraku.cli.kernels", *cold]
-    done = subprocess.run(
-        words, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    kernels.compile_missing(
+        sorted({f"{one.node.__module__}:{one.node.__qualname__}" for one in planned if one.node.jit})
     )
-    if done.returncode:
-        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        raise Problem(f"compiling the kernels failed: {last}; bunraku doctor looks at the cache", FAILURE)
