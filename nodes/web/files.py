@@ -1,0 +1,109 @@
+"""The page's files, read once and kept compressed, and what is fetched beside them."""
+
+import gzip
+import hashlib
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+
+PAGE = Path(__file__).parent / "page"
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".bin": "application/octet-stream",
+    ".mcap": "application/octet-stream",
+    ".bvh": "text/plain; charset=utf-8",
+    ".glb": "model/gltf-binary",
+    ".mp4": "video/mp4",
+}
+TICKET_SECONDS = 120.0
+MAX_DOWNLOAD = 512 << 20
+
+
+@dataclass(frozen=True)
+class Asset:
+    """One file as it is served."""
+
+    body: bytes
+    type: str
+    packed: bytes = b""
+    """The body compressed by gzip; empty where that does not pay."""
+    etag: str = ""
+    filename: str = ""
+    """Offered as a download under this name."""
+
+
+def asset(body: bytes, suffix: str) -> Asset:
+    """Bytes made ready to be served."""
+    packed = gzip.compress(body, 9, mtime=0)
+    return Asset(
+        body,
+        TYPES.get(suffix, "application/octet-stream"),
+        packed if len(packed) < 0.9 * len(body) else b"",
+        f'"{hashlib.sha256(body).hexdigest()[:20]}"',
+    )
+
+
+def load_page(folder: Path = PAGE) -> dict[str, Asset]:
+    """All files of the page by their path on the server."""
+    files = {
+        f"/{path.relative_to(folder).as_posix()}": asset(path.read_bytes(), path.suffix)
+        for path in sorted(folder.rglob("*"))
+        if path.suffix in (".html", ".js", ".css", ".svg")
+    }
+    files["/"] = files.pop("/index.html")
+    files["/favicon.ico"] = files["/icon.svg"]
+    return files
+
+
+def weight(files: dict[str, Asset]) -> int:
+    """Bytes that a browser loads for the page, compressed, without headers."""
+    return sum(len(a.packed or a.body) for path, a in files.items() if path != "/favicon.ico")
+
+
+@dataclass
+class Tickets:
+    """Files that a page may fetch once: the way to a download knows no token."""
+
+    entries: dict[str, tuple[float, Path | Asset, str]] = field(default_factory=dict)
+
+    def add(self, now: float, source: Path | Asset, filename: str) -> str:
+        """The path under which a file can be fetched once, until `TICKET_SECONDS` from ``now`` s."""
+        self.entries = {key: entry for key, entry in self.entries.items() if entry[0] > now}
+        key = secrets.token_urlsafe(16)
+        self.entries[key] = (now + TICKET_SECONDS, source, filename)
+        return f"/ticket/{key}"
+
+    def take(self, now: float, path: str) -> Asset | None:
+        """The file behind a ticket's path; None where there is no such ticket, or no such file any more."""
+        entry = self.entries.pop(path.removeprefix("/ticket/"), None)
+        if entry is None or entry[0] <= now:
+            return None
+        _, source, filename = entry
+        if isinstance(source, Asset):
+            return Asset(source.body, source.type, source.packed, source.etag, filename)
+        try:
+            if source.stat().st_size > MAX_DOWNLOAD:
+                return None
+            return Asset(source.read_bytes(), TYPES.get(source.suffix, TYPES[".bin"]), filename=filename)
+        except OSError:
+            return None
+
+
+def security_headers(host: str, scheme: str) -> dict[str, str]:
+    """The headers of every answer: nothing is loaded from elsewhere, nothing frames the page."""
+    socket = f"{'wss' if scheme == 'https' else 'ws'}://{host}"
+    policy = (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+        f"connect-src 'self' {socket}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return {
+        "Content-Security-Policy": policy,
+        "X-Content-Type-Options": "nosniff",
+        "Referrer-Policy": "no-referrer",
+        "Cross-Origin-Opener-Policy": "same-origin",
+        "Cross-Origin-Resource-Policy": "same-origin",
+        "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+    }

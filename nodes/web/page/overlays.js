@@ -1,0 +1,208 @@
+// Overlays as triangles: circles, lines, polygons, points, stick figures, bars and words.
+// Everything is laid into one list for the world and one for the picture: two draw calls, however much there is.
+
+import {project} from "./view.js";
+
+/** @typedef {import("./wire.js").Primitive} Primitive */
+/** @typedef {import("./view.js").View} View */
+/** @typedef {{x: number, y: number, width: number, height: number}} Box in shares of the picture */
+
+/** Numbers a vertex has: x, y, z, u, v and a colour in four bytes. */
+export const WORDS = 6;
+const SEGMENTS = 40;
+
+/** A growing list of triangles. */
+export class Sheet {
+  constructor() {
+    this.data = new Float32Array(WORDS * 3072);
+    this.bytes = new Uint8Array(this.data.buffer);
+    this.count = 0;
+    this.ink = [255, 255, 255, 255];
+  }
+
+  clear() {
+    this.count = 0;
+  }
+
+  /** @param {ArrayLike<number>} color 0..1 */
+  color(color) {
+    this.ink = [0, 1, 2, 3].map((k) => Math.round(255 * (color[k] ?? 1)));
+  }
+
+  /** @param {number} x @param {number} y @param {number} z @param {number} [u] @param {number} [v] */
+  vertex(x, y, z, u = -1, v = -1) {
+    if (WORDS * (this.count + 1) > this.data.length) {
+      const larger = new Float32Array(2 * this.data.length);
+      larger.set(this.data);
+      this.data = larger;
+      this.bytes = new Uint8Array(larger.buffer);
+    }
+    const at = WORDS * this.count++;
+    this.data[at] = x; this.data[at + 1] = y; this.data[at + 2] = z;
+    this.data[at + 3] = u; this.data[at + 4] = v;
+    this.bytes.set(this.ink, 4 * at + 20);
+  }
+
+  /** @param {number[]} a @param {number[]} b @param {number[]} c */
+  triangle(a, b, c) {
+    for (const p of [a, b, c]) this.vertex(p[0], p[1], p[2]);
+  }
+
+  /** @param {number[]} a @param {number[]} b @param {number[]} c @param {number[]} d */
+  quad(a, b, c, d) {
+    this.triangle(a, b, c);
+    this.triangle(a, c, d);
+  }
+}
+
+/**
+ * Points of a primitive as triples; shares of the picture become (x * aspect, y, 0), so that a length is the same
+ * both ways, and a panel's shares are laid into its box.
+ * @param {Primitive} primitive @param {number} aspect @param {Box} panel
+ * @returns {number[][]}
+ */
+export function placed(primitive, aspect, panel) {
+  const out = [], {points, dim, space} = primitive;
+  for (let i = 0; i + dim <= points.length; i += dim) {
+    if (space === "world") out.push([points[i], points[i + 1], points[i + 2]]);
+    else if (space === "panel") {
+      out.push([(panel.x + points[i] * panel.width) * aspect, panel.y + points[i + 1] * panel.height, 0]);
+    } else out.push([points[i] * aspect, points[i + 1], 0]);
+  }
+  return out;
+}
+
+/**
+ * A line of a width, square to the viewer (world) or on the picture.
+ * @param {Sheet} sheet @param {number[]} a @param {number[]} b @param {number} width @param {View | null} view
+ */
+export function stroke(sheet, a, b, width, view) {
+  const d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+  let side;
+  if (view) {
+    const look = view.ortho ? view.axes.slice(6) : a.map((v, k) => view.eye[k] - v);
+    side = [d[1] * look[2] - d[2] * look[1], d[2] * look[0] - d[0] * look[2], d[0] * look[1] - d[1] * look[0]];
+  } else side = [-d[1], d[0], 0];
+  const n = width / 2 / (Math.hypot(side[0], side[1], side[2]) || 1);
+  side = side.map((v) => v * n);
+  /** @param {number[]} p @param {number} s */
+  const off = (p, s) => p.map((v, k) => v + s * side[k]);
+  sheet.quad(off(a, 1), off(b, 1), off(b, -1), off(a, -1));
+}
+
+/**
+ * @param {Sheet} sheet @param {number[]} center @param {number} radius @param {number[]} u @param {number[]} v axes of the plane
+ * @param {number} inner share of the radius that is left out
+ */
+export function disc(sheet, center, radius, u, v, inner) {
+  /** @param {number} i @param {number} r */
+  const at = (i, r) => {
+    const c = r * Math.cos((2 * Math.PI * i) / SEGMENTS), s = r * Math.sin((2 * Math.PI * i) / SEGMENTS);
+    return center.map((p, k) => p + c * u[k] + s * v[k]);
+  };
+  for (let i = 0; i < SEGMENTS; i++) {
+    if (inner > 0) sheet.quad(at(i, radius), at(i + 1, radius), at(i + 1, radius * inner), at(i, radius * inner));
+    else sheet.triangle(center, at(i, radius), at(i + 1, radius));
+  }
+}
+
+/**
+ * @typedef {{line(text: string): {width: number, glyphs: {x: number, w: number, u: number[]}[]}}} Letters
+ * A word's glyphs at height 1: where each begins, how wide it is, and its place in the atlas (u0, v0, u1, v1).
+ */
+
+/**
+ * @param {Sheet} sheet @param {Letters} letters @param {string} text @param {number[]} at left end of the base line
+ * @param {number} height @param {number} [align] share of the width that lies left of `at`
+ */
+export function words(sheet, letters, text, at, height, align = 0) {
+  const {width, glyphs} = letters.line(text);
+  const left = at[0] - align * width * height;
+  for (const {x, w, u} of glyphs) {
+    const x0 = left + x * height, x1 = x0 + w * height, y0 = at[1] - 0.8 * height, y1 = at[1] + 0.2 * height;
+    sheet.vertex(x0, y0, 0, u[0], u[1]); sheet.vertex(x1, y0, 0, u[2], u[1]); sheet.vertex(x1, y1, 0, u[2], u[3]);
+    sheet.vertex(x0, y0, 0, u[0], u[1]); sheet.vertex(x1, y1, 0, u[2], u[3]); sheet.vertex(x0, y1, 0, u[0], u[3]);
+  }
+}
+
+/**
+ * Lay one primitive.
+ * @param {{world: Sheet, picture: Sheet}} sheets @param {Primitive} primitive @param {View} view
+ * @param {number} aspect @param {Box} panel @param {Letters} letters
+ * @param {number[]} parents of the figure, for stick figures
+ */
+export function lay(sheets, primitive, view, aspect, panel, letters, parents) {
+  const world = primitive.space === "world";
+  const sheet = world ? sheets.world : sheets.picture;
+  const points = placed(primitive, aspect, panel);
+  const scale = primitive.space === "panel" ? panel.height : 1;
+  const size = primitive.size * scale;
+  const facing = world ? view : null;
+  const right = world ? view.axes.slice(0, 3) : [1, 0, 0], up = world ? view.axes.slice(3, 6) : [0, 1, 0];
+  sheet.color(primitive.color);
+  switch (primitive.kind) {
+    case "circle":
+      for (const p of points) {
+        if (world) disc(sheet, [p[0], p[1] + 0.004, p[2]], size, [1, 0, 0], [0, 0, 1], 1 - Math.min(0.5, 0.012 / size));
+        else {
+          disc(sheet, p, size, right, up, 1 - Math.min(0.5, 0.004 / size));
+          sheet.color([...primitive.color.slice(0, 3), primitive.color[3] * 0.22]);
+          disc(sheet, p, size, right, up, 0);
+          sheet.color(primitive.color);
+        }
+      }
+      break;
+    case "points":
+      for (const p of points) disc(sheet, p, size / 2, right, up, 0);
+      break;
+    case "line":
+      for (let i = 1; i < points.length; i++) stroke(sheet, points[i - 1], points[i], size, facing);
+      break;
+    case "polygon":
+      for (let i = 2; i < points.length; i++) sheet.triangle(points[0], points[i - 1], points[i]);
+      break;
+    case "figure":
+      points.forEach((p, j) => {
+        const parent = parents[j] ?? -1;
+        if (parent >= 0 && parent < points.length) stroke(sheet, points[parent], p, size, facing);
+        disc(sheet, p, 0.75 * size, right, up, 0);
+      });
+      break;
+    case "bar":
+      if (points.length >= 2) layBar(sheet, points[0], points[1], primitive, world ? 0.03 : 0.02 * scale, facing);
+      break;
+    case "text":
+      break;
+  }
+  if (primitive.label && points.length) layLabel(sheets.picture, primitive, points, view, aspect, scale, letters);
+}
+
+/**
+ * A bar from one point to another, filled by its value.
+ * @param {Sheet} sheet @param {number[]} a @param {number[]} b @param {Primitive} primitive @param {number} width
+ * @param {View | null} facing
+ */
+function layBar(sheet, a, b, primitive, width, facing) {
+  const share = Math.min(1, Math.max(0, primitive.size));
+  sheet.color([...primitive.color.slice(0, 3), primitive.color[3] * 0.25]);
+  stroke(sheet, a, b, width, facing);
+  sheet.color(primitive.color);
+  stroke(sheet, a, a.map((v, k) => v + share * (b[k] - v)), width, facing);
+}
+
+/**
+ * @param {Sheet} sheet of the picture @param {Primitive} primitive @param {number[][]} points @param {View} view
+ * @param {number} aspect @param {number} scale @param {Letters} letters
+ */
+function layLabel(sheet, primitive, points, view, aspect, scale, letters) {
+  const text = primitive.kind === "text";
+  let at = points[0], height = (text ? primitive.size : 0.028) * scale;
+  if (primitive.space === "world") {
+    const {x, y, depth} = project(view, at);
+    if (depth <= 0) return;
+    if (text) height = primitive.size / (view.scale * (view.ortho ? 1 : depth));
+    at = [x * aspect, y, 0];
+  }
+  if (!text && primitive.space !== "world") at = [at[0], at[1] - 0.006 * scale, 0];
+  words(sheet, letters, primitive.label, at, Math.max(height, 0.014));
+}
