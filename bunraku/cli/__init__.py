@@ -30,7 +30,7 @@ VERBS: dict[str, str] = {
     "doctor": "what is missing on this machine, and the command that mends it",
     "keys": "write the keys that join two machines",
 }
-"""Verb: one line of help. The module of a verb is ``bunraku.cli.<verb>``."""
+"""Verb: one line of help. The module of a verb is ``bunraku.cli.<verb>``; one without its module is not shown."""
 
 USAGE, FAILURE, INTERRUPTED = 2, 1, 130
 
@@ -71,10 +71,17 @@ def nearest(word: str, choices: Iterable[str]) -> str:
     return f", did you mean {close[0]!r}?" if close else ""
 
 
+def verbs() -> dict[str, str]:
+    """The verbs that are there."""
+    there = {entry.name for entry in os.scandir(os.path.dirname(__file__))}
+    return {verb: line for verb, line in VERBS.items() if f"{verb}.py" in there}
+
+
 def top_help() -> str:
     """The table of verbs."""
-    width = max(map(len, VERBS))
-    rows = "\n".join(f"  {verb:{width}}  {line}" for verb, line in VERBS.items())
+    table = verbs()
+    width = max(map(len, table))
+    rows = "\n".join(f"  {verb:{width}}  {line}" for verb, line in table.items())
     return (
         "usage: bunraku VERB ... | --help | --version\n\n"
         "Move a full-body figure live with your hands.\n\n"
@@ -111,8 +118,8 @@ def _main(words: list[str]) -> int:
     if verb in ("-V", "--version"):
         print(f"bunraku {__version__}")
         return 0
-    if verb not in VERBS:
-        print(f"bunraku: unknown verb {verb!r}{nearest(verb, VERBS)}; see bunraku --help", file=sys.stderr)
+    if verb not in VERBS or verb not in verbs():
+        print(f"bunraku: unknown verb {verb!r}{nearest(verb, verbs())}; see bunraku --help", file=sys.stderr)
         return USAGE
     module = importlib.import_module(f"bunraku.cli.{verb}")
     parser = Parser(prog=f"bunraku {verb}", description=module.__doc__)

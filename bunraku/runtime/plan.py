@@ -42,8 +42,8 @@ def load(kind: str) -> type[Node]:
         raise UnknownNode(f"no node {kind!r}{hint} (there is: {', '.join(sorted(known))}, or give module:Class)")
     try:
         found = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise UnknownNode(f"node {kind!r}: {path} cannot be loaded: {error}") from None
+    except Exception as error:  # whatever its module does when it is imported
+        raise UnknownNode(f"node {kind!r}: {path} cannot be loaded: {type(error).__name__}: {error}") from error
     if not (isinstance(found, type) and issubclass(found, Node)):
         raise UnknownNode(f"node {kind!r}: {path} is no node class")
     return found
