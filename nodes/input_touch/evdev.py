@@ -244,9 +244,7 @@ class EvdevDriver(Driver):
             self._take(descriptor, path, count.high + 1)
             return
         if denied:
-            self._complain(
-                f"no permission for {wanted or '/dev/input/event*'}; add yourself to the group: sudo usermod -aG input $USER"
-            )
+            self._complain(f"no permission for {wanted or paths[0]}; sudo usermod -aG input $USER, then log in again")
         elif not wanted:
             self._complain("no touch screen found; plug one in or give parameter evdev its path")
 

@@ -1,0 +1,226 @@
+"""The node: hands each device's samples to the core that its play names, and says what all cores mean."""
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import msgspec
+
+from bunraku.figure.camera import Orbit
+from bunraku.figure.default import default_figure
+from bunraku.figure.skeleton import SkeletonError
+from bunraku.figure.wire import from_message
+from bunraku.msgs import Camera, Command, Device, Overlay, Pose, SkeletonMessage, Target, Touch
+from bunraku.nodes.interpreter.core import Core, Meaning, Scene
+from bunraku.nodes.interpreter.touch import TouchCore
+from bunraku.nodes.interpreter.viewer import Viewer, ViewRules
+from bunraku.runtime.node import Node, ParamProblem, Publisher, param, request, subscribe, timer
+
+SECOND = 1_000_000_000
+RATE = 60.0
+REMIND = SECOND
+"""ns between two messages that say that nothing is held."""
+
+
+@dataclass(frozen=True)
+class Plays:
+    """Which core plays which device: patterns of device names, the first that fits."""
+
+    rules: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def parse(cls, words: list[str], known: list[str]) -> "Plays":
+        """From words like ``figure`` (all devices) or ``tuio-*=camera``; raises `ParamProblem`."""
+        rules = []
+        for word in words:
+            pattern, sign, play = word.partition("=")
+            if not sign:
+                pattern, play = "*", word
+            if play not in known:
+                raise ParamProblem(f"play: {play!r} is none of {', '.join(known)}; write PLAY or DEVICE=PLAY")
+            rules.append((pattern, play))
+        return cls((*[one for one in rules if one[0] != "*"], *[one for one in rules if one[0] == "*"]))
+
+    def of(self, device: str) -> str | None:
+        """The play of a device, or None."""
+        return next((play for pattern, play in self.rules if fnmatchcase(device, pattern)), None)
+
+
+class Interpreter(Node):
+    """What the hands mean: touches become targets, steps and the camera."""
+
+    name = "interpreter"
+    target: Publisher[Target] = Publisher("target", Target)
+    command: Publisher[Any] = Publisher("command", Command)
+    camera: Publisher[Camera] = Publisher("camera", Camera)
+    overlay: Publisher[Overlay] = Publisher("overlay/interpreter", Overlay)
+
+    touch_plays: list[str] = param(
+        ["figure"], doc="what touch devices play: figure or camera, for all or as DEVICE=PLAY (* in DEVICE matches)"
+    )
+    aspect: float = param(16 / 9, low=0.1, high=10.0, doc="width by height of the picture that touches refer to")
+    distance: float = param(Orbit.distance, low=0.8, high=20.0, doc="m of the camera from the figure at first")
+    azimuth: float = param(Orbit.azimuth, low=-3.1416, high=3.1416, doc="rad about the figure at first")
+    elevation: float = param(
+        Orbit.elevation, low=-0.15, high=1.45, doc="rad above the horizon, of the camera at first"
+    )
+    follow: bool = param(True, doc="the camera follows a figure that walks off")
+    forget: float = param(30.0, low=0.5, high=3600.0, doc="s of silence after which a device's fingers are let go")
+
+    def setup(self) -> None:
+        home = Orbit(azimuth=self.azimuth, elevation=self.elevation, distance=self.distance, aspect=self.aspect)
+        self.viewer = Viewer(home, ViewRules())
+        self.cores: dict[str, Core] = {
+            "figure": TouchCore(self.viewer, forget=self.forget),
+            "camera": TouchCore(self.viewer, figure=False, forget=self.forget),
+        }
+        self.plays = Plays.parse(self.touch_plays, list(self.cores))
+        self.scene = Scene.of(default_figure(), self.viewer.camera())
+        self.wire_hash = ""
+        self.newest: Pose | None = None
+        self.last_seq: dict[str, int] = {}
+        self.ids = 0
+        self.held = False
+        self.drawn = False
+        self.said_at = 0
+        self.followed = self.now
+        news = self.viewer.news()
+        if news is not None:
+            self.camera.publish(news)
+
+    def on_param(self, name: str) -> None:
+        if name == "touch_plays":
+            self.plays = Plays.parse(self.touch_plays, list(self.cores))
+        elif name in ("aspect", "distance", "azimuth", "elevation"):
+            self.viewer.home = self.viewer.orbit = Orbit(
+                center=self.viewer.orbit.center, azimuth=self.azimuth, elevation=self.elevation,
+                distance=self.distance, aspect=self.aspect,
+            )  # fmt: skip
+            self._say_camera()
+
+    @request("reset")
+    def reset(self) -> None:
+        """Let go of everything and look from where the camera was first."""
+        self._see()
+        for core in self.cores.values():
+            if isinstance(core, TouchCore):
+                core.let_go(self.scene)
+        self.viewer.reset()
+        self._say()
+
+    @subscribe("skeleton", SkeletonMessage, trigger=False)
+    def on_skeleton(self, msg: SkeletonMessage) -> None:
+        """The figure on stage."""
+        try:
+            skeleton = from_message(msg)
+            if skeleton.hash == self.scene.skeleton.hash and self.wire_hash == skeleton.hash:
+                return
+            self.scene = Scene.of(skeleton, self.scene.camera)
+        except SkeletonError as error:
+            self.log.warning("skeleton left out: %s", error)
+            return
+        self.wire_hash = skeleton.hash
+
+    @subscribe("pose", Pose, trigger=False)
+    def on_pose(self, msg: Pose) -> None:
+        """The figure's newest pose."""
+        self.newest = msg
+
+    @subscribe("touch", Touch)
+    def on_touch(self, msg: Touch) -> None:
+        """A frame of a touch surface."""
+        self._see()
+        if msg.seq < self.last_seq.get("touch", 0):
+            # Who said the touches began anew: fingers that it does not list now are gone.
+            for core in self.cores.values():
+                if isinstance(core, TouchCore):
+                    core.let_go(self.scene)
+        self.last_seq["touch"] = msg.seq
+        play = self.plays.of(msg.device)
+        if play is not None:
+            self.cores[play].hear(msg, self.scene)
+        self._say()
+
+    @subscribe("device/*", Device)
+    def on_device(self, msg: Device, topic: str) -> None:
+        """A device that went lets go of what it held."""
+        if msg.connected:
+            return
+        self._see()
+        for core in self.cores.values():
+            core.lose(msg.device, self.scene)
+        self._say()
+
+    @timer(hz=RATE, idle=True)
+    def idle(self) -> None:
+        """Time alone goes on: a still finger on a moving figure, an offset that goes back, the camera's way."""
+        self._see()
+        if self.held or self.drawn or any(core.busy for core in self.cores.values()):
+            self._say()
+        elif self.now - self.said_at >= REMIND:
+            self.said_at = self.now
+            self.target.publish(Target())
+        self._say_camera()
+
+    def save(self) -> bytes | None:
+        orbit = self.viewer.orbit
+        state = {
+            "ids": self.ids,
+            "orbit": [*orbit.center, orbit.azimuth, orbit.elevation, orbit.distance, orbit.yfov, orbit.aspect],
+            "cores": {name: core.save() for name, core in self.cores.items()},
+        }
+        return msgspec.msgpack.encode(state)
+
+    def restore(self, state: bytes) -> None:
+        kept = msgspec.msgpack.decode(state)
+        self.ids = int(kept["ids"])
+        x, y, z, azimuth, elevation, distance, yfov, aspect = kept["orbit"]
+        self.viewer.orbit = Orbit((x, y, z), azimuth, elevation, distance, yfov, aspect)
+        self.scene.camera = self.viewer.camera()
+        for name, core in self.cores.items():
+            core.restore(kept["cores"].get(name, {}), self.scene)
+        self._say_camera()
+
+    # Inside
+
+    def _see(self) -> None:
+        """Bring the scene to this step: time, camera, the newest pose that fits the skeleton."""
+        self.scene.now = self.now / SECOND
+        self.scene.camera = self.viewer.camera()
+        pose = self.newest
+        if pose is None or len(pose.rotations) != len(self.scene.skeleton):
+            return
+        self.newest = None
+        self.scene.take(pose.root, pose.rotations, (pose.contacts.left_foot, pose.contacts.right_foot))
+
+    def _say(self) -> None:
+        """Publish what all cores mean now."""
+        whole = Meaning()
+        for core in self.cores.values():
+            one = core.update(self.scene)
+            whole.target.update(one.target)
+            whole.commands += one.commands
+            whole.overlay += one.overlay
+        if whole.target or self.held or self.now - self.said_at >= REMIND:
+            self.held = bool(whole.target)
+            self.said_at = self.now
+            self.target.publish(Target(**whole.target))  # type: ignore[arg-type]
+        for command in whole.commands:
+            self.ids += 1
+            command.id = self.ids
+            self.command.publish(command)
+        if whole.overlay or self.drawn:
+            self.drawn = bool(whole.overlay)
+            self.overlay.publish(Overlay(primitives=whole.overlay))
+        self._say_camera()
+
+    def _say_camera(self) -> None:
+        dt = min(max((self.now - self.followed) / SECOND, 0.0), 0.1)
+        self.followed = self.now
+        if self.follow and not any(isinstance(c, TouchCore) and c.holds_pelvis for c in self.cores.values()):
+            root = self.scene.positions[0]
+            self.viewer.follow(float(root[0]), float(root[2]), dt)
+        news = self.viewer.news()
+        if news is not None:
+            self.scene.camera = news
+            self.camera.publish(news)
