@@ -101,6 +101,15 @@ def _fit_back(
     heights = [max(height, 0.02 * size) for height in heights]
     total = sum(heights)
     known = [model.roles["spine"], model.roles["chest"]]
+    if len(back) == len(known):
+        model_heights = [model.offsets[known[1], 1], model.offsets[model.roles["neck"], 1]]
+        for joint, source, height, usual in zip(back, known, heights, model_heights, strict=True):
+            scale = np.array([size, height / usual, size])
+            masses[joint] = model.masses[source]
+            centers[joint] = model.mass_centers[source] * scale
+            box_centers[joint] = model.box_centers[source] * scale
+            box_sizes[joint] = model.box_sizes[source] * scale
+        return
     mass = float(model.masses[known].sum())
     start = 0.0
     for joint, height in zip(back, heights, strict=True):
