@@ -163,7 +163,6 @@ def test_travel_and_bend_agree_with_the_raw_capture():
     assert np.abs(np.degrees(lean(ours)[1][:count] - lean(known)[1][:count])).max() < 1.0
 
 
-@needs_mocap
 CAPTURES = ("clips/walk_normal_0201.bvh", "originals/13_11_daz.bvh", "originals/007_06_iclone.bvh",
             "originals/HDM_bd_kickLFront1Reps_001_120.amc")  # fmt: skip
 
