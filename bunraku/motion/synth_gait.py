@@ -258,7 +258,9 @@ def gait_clip(name: str, frame: Frame, gait: Gait) -> tuple[Clip, Array, Flags]:
         over = hips[side][:, 1] - local_ankle[:, 1] - most
         drop = max(drop, float(np.max(over[standing])))
     root[:, 1] -= drop
-    root[:, 1] -= max(gait.duck * 0.4 * frame.leg - (frame.standing - float(root[:-1, 1].mean())), 0.0) * (gait.duck > 0)
+    root[:, 1] -= max(gait.duck * 0.4 * frame.leg - (frame.standing - float(root[:-1, 1].mean())), 0.0) * (
+        gait.duck > 0
+    )
     for side in (0, 1):
         hip = root + _rotate(pelvis, frame.hip_offsets[side])
         _swing(frame, gait, side, phase, period, arc, hip, feet[side], plan)
@@ -351,7 +353,9 @@ def _prints(frame: Frame, gait: Gait, side: int, period: float, arc: _Arc, cycle
 
 def _stance(frame: Frame, gait: Gait, side: int, phase: Array, period: float, arc: _Arc) -> _Foot:
     own = phase - 0.5 * side
-    foot = _Foot(np.zeros((len(phase), 3)), foot_pitch(gait, own), np.zeros(len(phase)), np.zeros(len(phase), np.bool_))
+    foot = _Foot(
+        np.zeros((len(phase), 3)), foot_pitch(gait, own), np.zeros(len(phase)), np.zeros(len(phase), np.bool_)
+    )
     sole = frame.soles[side]
     offset = rolled(sole, foot.pitch)
     for cycle in (-1, 0, 1):

@@ -226,10 +226,16 @@ def _two_steps(name: str, frame: Frame, lead: int, way: Array, angle: float) -> 
     plan.trunk[:, 2] += np.radians(3.0) * (way[0] / size) * speed
     # Arms balance: they lag behind turns and swing against the legs of forward steps.
     for side in (0, 1):
-        swing = np.radians(16.0) * along * np.gradient(_track(times, [(0.5 * t_off, 0.0), (u_off, 1.0), (t_end, 0.0)]), times)
+        swing = (
+            np.radians(16.0)
+            * along
+            * np.gradient(_track(times, [(0.5 * t_off, 0.0), (u_off, 1.0), (t_end, 0.0)]), times)
+        )
         plan.shoulder[side] += (-1.0 if side == lead else 1.0) * 0.30 * swing
         plan.shoulder[side] += SIGN[side] * 0.20 * np.radians(20.0) * np.sign(angle) * min(abs(angle), 1.0) * speed
-        plan.abduct[side] += np.radians(5.0 * min(abs(float(way[0])) / size, 1.0) + 4.0 * min(abs(angle), 1.0)) * speed
+        plan.abduct[side] += (
+            np.radians(5.0 * min(abs(float(way[0])) / size, 1.0) + 4.0 * min(abs(angle), 1.0)) * speed
+        )
         plan.elbow[side] += np.radians(6.0) * speed
     _lower(frame, plan)
     return assemble(name, frame, plan), keys, plan.contacts
@@ -271,7 +277,7 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
     way = np.array([np.sin(angle), 0.0, np.cos(angle)]) * distance
     ahead, aside = float(way[2]), float(way[0])
     # Take-off with stretched legs on the toes; the rest of the height is flight.
-    tiptoe = 0.085
+    tiptoe = 0.070
     rise = max(height - tiptoe, 0.03)
     fall = rise + 0.045  # lands with knees a little bent, on flat feet
     up, down = np.sqrt(2 * rise / GRAVITY), np.sqrt(2 * fall / GRAVITY)
@@ -349,11 +355,16 @@ def _jump_feet(
             (deep + 0.25 * (off - deep), 0.0), (deep + 0.62 * (off - deep), -0.25 * toe), (off, -toe), (off + 0.18 * span, -1.02 * toe),
             (off + 0.60 * span, -0.45 * toe + 0.3 * land), (on, land), (on + 0.07, 0.0),
         ])  # fmt: skip
-        # The soles stay below the body: they follow the flight of the hips, drawn up in the middle.
-        rise = plan.root[:, 1] - np.interp([off, on], t, plan.root[:, 1]).min()
-        lift = np.where((t > off) & (t < on), 0.0, 0.0)
+        # The soles stay below the body: drawn up in the middle, and all the way no farther off than a leg is long.
         w = np.sin(pi * u)
-        lift = np.maximum(0.62 * np.maximum(rise, 0.0) * w**0.7, 0.0) + size * tuck * w**1.6 * (u > 0) * (u < 1)
+        lift = size * tuck * w**1.6 * (u > 0) * (u < 1)
+        sole = frame.soles[side]
+        hip = plan.root[:, 1] + frame.hip_offsets[side, 1]
+        away = np.hypot(plan.root[:, 0] + frame.hip_offsets[side, 0] - ground[:, 0], plan.root[:, 2] - ground[:, 2])
+        most = np.sqrt(np.maximum((0.992 * frame.leg) ** 2 - away**2, 1e-4))
+        least = hip - most - rolled(sole, pitch)[:, 0]
+        least = np.where((t > off) & (t < on), np.maximum(least, 0.0), 0.0)
+        lift = np.maximum(lift, least) + 0.25 * np.minimum(lift, least)
         _put(frame, plan, side, ground, np.full(len(t), SIGN[side] * TOE_OUT), pitch, lift)
         plan.toe_bend[side] = np.clip(-pitch, 0.0, np.radians(50.0)) * (1.0 - blend(u, 0.0, 0.35))
         plan.contacts[:, side] = (t <= off + 1e-9) | (t >= on - 1e-9)
@@ -376,7 +387,10 @@ def _jump_body(
     plan.trunk[:, 0] = np.radians(trunk)
     plan.pelvis[:, 0] = np.radians(0.5 * trunk)
     plan.gaze[:, 0] = np.radians(0.15 * trunk)
-    side = _smooth(t, [(0.0, 0.0), (deep, 6.0 * aside), (off, 9.0 * aside), (on, -4.0 * aside), (settle, -3.0 * aside), (end, 0.0)])
+    side = _smooth(
+        t,
+        [(0.0, 0.0), (deep, 6.0 * aside), (off, 9.0 * aside), (on, -4.0 * aside), (settle, -3.0 * aside), (end, 0.0)],
+    )
     plan.trunk[:, 2] += np.radians(side)
     plan.pelvis[:, 2] += np.radians(0.4 * side)
     back, up = -52.0 * effort, min(118.0 * effort, 150.0)
@@ -384,7 +398,18 @@ def _jump_body(
         (0.0, -2.0), (0.55 * deep, 16.0 * effort), (deep, back), (deep + 0.45 * (off - deep), 0.3 * back), (off, 0.80 * up),
         (0.5 * (off + apex), up), (on, 0.58 * up), (settle, 32.0), (end, -2.0),
     ])  # fmt: skip
-    elbow = _smooth(t, [(0.0, 16.0), (deep, 24.0), (0.5 * (deep + off), 50.0), (apex, 34.0), (on, 28.0), (settle, 38.0), (end, 16.0)])
+    elbow = _smooth(
+        t,
+        [
+            (0.0, 16.0),
+            (deep, 24.0),
+            (0.5 * (deep + off), 50.0),
+            (apex, 34.0),
+            (on, 28.0),
+            (settle, 38.0),
+            (end, 16.0),
+        ],
+    )
     out = _smooth(t, [(0.0, 9.0), (deep, 15.0), (off, 12.0), (apex, 17.0), (settle, 22.0), (end, 9.0)])
     lag = 0.012
     for arm in (0, 1):
@@ -403,6 +428,9 @@ def _hermite1(t: Array, t0: float, t1: float, a: float, va: float, b: float, vb:
     h = t1 - t0
     u = np.clip((t - t0) / h, 0.0, 1.0)
     return np.asarray(
-        (2 * u**3 - 3 * u**2 + 1) * a + (u**3 - 2 * u**2 + u) * h * va + (-2 * u**3 + 3 * u**2) * b + (u**3 - u**2) * h * vb,
+        (2 * u**3 - 3 * u**2 + 1) * a
+        + (u**3 - 2 * u**2 + u) * h * va
+        + (-2 * u**3 + 3 * u**2) * b
+        + (u**3 - u**2) * h * vb,
         dtype=np.float64,
     )
