@@ -2,7 +2,7 @@
 
 NODES: dict[str, str] = {
     "bridge": "bunraku.nodes.bridge.node:Bridge",
-    "controller": "bunraku.nodes.controller.node:ControllerNode",
+    "controller": "bunraku.nodes.controller.node:Controller",
     "input_touch": "bunraku.nodes.input_touch.node:InputTouch",
     "recorder": "bunraku.nodes.recorder.node:Recorder",
 }

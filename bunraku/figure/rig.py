@@ -29,7 +29,7 @@ LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(4)
 
 PELVIS_BACK_RATIO = 0.5
 """The pelvis's share of the trunk's swing (Oshita 2013 eq. 2)."""
-ARM_SOFTEN, LEG_SOFTEN = 0.97, 0.985
+ARM_SOFTEN, LEG_SOFTEN = 0.97, 0.992
 """Share of a limb's length up to which it reaches exactly."""
 ARM_FLEXION, LEG_FLEXION = np.radians(150.0), np.radians(145.0)
 """Largest bend of elbow and knee (see `bunraku.figure.limits` for the source)."""

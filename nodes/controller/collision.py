@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bunraku.figure.boxes import box_axes, pair_gap, place_boxes_into
 from bunraku.figure.jit import kernel
+from bunraku.figure.limits import Limits, clamp_joint
 from bunraku.figure.pointpose import keep_above_floor, reconstruct_limb
 from bunraku.figure.quat import inv_mul, mul, rotate, slerp
 from bunraku.figure.rig import Rig
@@ -32,21 +33,25 @@ PUSH_HALF_LIFE = 0.25
 
 
 class Contacts(NamedTuple):
-    """What may touch what."""
+    """What may touch what, and how far joints go."""
 
     parts: Index  # (4, 4) joints with a box of each limb, from upper on; -1 for none
     others: Index  # (4, 4, K) joints that each part must not overlap; -1 for none
+    limits: Limits
 
 
 @kernel
 def place_limb(
-    rig: Rig, st: State, under: Under, limb: int, rotations_ls: Array, positions_ws: Array, rotations_ws: Array
-) -> None:
-    """Pose one limb for its point and swivel, and bring its world arrays up to date."""
+    rig: Rig, st: State, under: Under, limits: Limits, limb: int, limited: bool, rotations_ls: Array,
+    positions_ws: Array, rotations_ws: Array,
+) -> None:  # fmt: skip
+    """Pose one limb for its point and swivel, within its limits, and bring its world arrays up to date."""
     reconstruct_limb(
         rig, under.base, limb, st.points[1 + limb], st.swivels[limb], positions_ws, rotations_ws, rotations_ls
     )  # fmt: skip
     upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
+    if limited:
+        clamp_joint(limits, upper, rotations_ls[upper])
     v = np.empty(3)
     for joint in range(upper, rig.parents.shape[0]):
         parent = rig.parents[joint]
@@ -160,10 +165,15 @@ def push_limb(
 
 @kernel
 def avoid(
-    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, before: Array, rotations_ls: Array,
-    positions_ws: Array, rotations_ws: Array, dt: float,
+    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, flags: Array, before: Array,
+    rotations_ls: Array, positions_ws: Array, rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
-    """Move free limbs out of the body, in place; ``before`` (5, 3) are the points of the last step."""
+    """Move limbs out of the body and into their limits, in place.
+
+    Args:
+        flags: (5,) which points are driven; a motion's own limbs are left as they are.
+        before: (5, 3) m, the points of the last step.
+    """
     joints = rig.parents.shape[0]
     centers, axes, push = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4)
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
@@ -175,16 +185,20 @@ def avoid(
             # The last place, taken along with the shoulder or hip.
             start[k] = before[row, k] + positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
         fixed = limb >= 2 and st.planted[limb - 2] > 0.5
-        place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+        limited = not fixed and (flags[row] > 0.5 or under.active[0] < 0.5)
+        place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
         way = 0.0
         for k in range(3):
             way += (goal[k] - start[k]) ** 2
         way = sqrt(way)
         decay = 0.5 ** (dt / PUSH_HALF_LIFE)
-        if fixed or (gap >= gains.clearance and way <= 2.0 * STRIDE):
+        if fixed or gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
             if gap > 0.03:
                 st.pushes[limb] *= decay
+            if limited:
+                for k in range(3):
+                    st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
             continue
         strides = min(MOST_STRIDES, max(1, int(np.ceil(way / STRIDE))))
         for k in range(3):
@@ -195,7 +209,7 @@ def avoid(
                 safe[k] = st.points[row, k]
                 st.points[row, k] += (goal[k] - st.points[row, k]) * left
             for _ in range(PUSHES):
-                place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+                place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
                 gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
                 if gap >= 0.0:
                     break
@@ -209,7 +223,7 @@ def avoid(
                 t = 0.5 * (low + high)
                 for k in range(3):
                     st.points[row, k] = start[k] + t * (safe[k] - start[k])
-                place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+                place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
                 gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
                 if gap >= -0.002:
                     low = t
@@ -217,5 +231,7 @@ def avoid(
                     high = t
             for k in range(3):
                 st.points[row, k] = start[k] + low * (safe[k] - start[k])
-        place_limb(rig, st, under, limb, rotations_ls, positions_ws, rotations_ws)
+        place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
+        for k in range(3):
+            st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from bunraku.figure.boxes import collision_pairs
 from bunraku.figure.fk import fk_into
 from bunraku.figure.jit import kernel
+from bunraku.figure.limits import limits_of
 from bunraku.figure.mass import upper_body_share
 from bunraku.figure.pointpose import Base, analyse_into, default_swivel, reconstruct_into
 from bunraku.figure.quat import exp, inv_mul, log, mul
@@ -77,10 +78,10 @@ def contacts_of(skeleton: Skeleton, rig: Rig) -> Contacts:
             if parts[limb, n] >= 0:
                 rest = [j for j in rivals[int(parts[limb, n])] if j not in own]
                 others[limb, n, : len(rest)] = rest
-    return Contacts(parts, others)
+    return Contacts(parts, others, limits_of(skeleton))
 
 
-class Controller:
+class Stack:
     """One figure under control. `step` moves it by a time; all arrays are its own."""
 
     def __init__(self, skeleton: Skeleton, gains: Gains | None = None, place: Array | None = None, yaw: float = 0.0):

@@ -13,7 +13,7 @@ from bunraku.nodes.controller.state import ANKLE_BEND
 Array = NDArray[np.float64]
 
 ANKLE = float(ANKLE_BEND)
-NARROW, WIDE, LONG = 0.12, 0.60, 0.50
+NARROW, WIDE, LONG = 0.12, 0.45, 0.28
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
 LOWEST_PELVIS = 0.25
 """m above the floor."""
@@ -114,4 +114,4 @@ def pelvis_home(rig: Rig, points: Array, support: Array, heading: float, out: Ar
     out[0] -= c * hip_x + s * hip_z
     out[2] -= c * hip_z - s * hip_x
     leg = 0.5 * (rig.reach[2, 1] + rig.reach[3, 1])
-    out[1] = 0.5 * (rig.ankle_heights[0] + rig.ankle_heights[1]) + 0.995 * leg + drop
+    out[1] = 0.5 * (rig.ankle_heights[0] + rig.ankle_heights[1]) + 0.9985 * leg + drop

@@ -8,7 +8,7 @@ from bunraku.figure.quat import rotate
 from bunraku.figure.skeleton import Skeleton
 from bunraku.figure.wire import to_message
 from bunraku.msgs import Command, Contacts, Motion, Overlay, Pose, Primitive, SkeletonMessage, Step, Target
-from bunraku.nodes.controller.core import HINGES, PARTS, Controller
+from bunraku.nodes.controller.core import HINGES, PARTS, Stack
 from bunraku.nodes.controller.state import Gains
 from bunraku.runtime.node import Node, Publisher, param, request, subscribe, timer
 
@@ -32,7 +32,7 @@ def figure_named(name: str) -> Skeleton:
     return default_figure()
 
 
-class ControllerNode(Node):
+class Controller(Node):
     """Moves the whole figure from a few held parts: reach, balance, relaxing, self-collision, steps."""
 
     name = "controller"
@@ -79,7 +79,7 @@ class ControllerNode(Node):
     show_overlay: bool = param(True, doc="say support polygon, centre of mass and footprints for the picture")
 
     def setup(self) -> None:
-        self.core = Controller(figure_named(self.figure), self.gains(), np.array([self.x, 0.0, self.z]), self.yaw)
+        self.core = Stack(figure_named(self.figure), self.gains(), np.array([self.x, 0.0, self.z]), self.yaw)
         self.stepped_at = self.now
         self.wait_until = 0
         self.last_step = -1

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
-from bunraku.figure.limb import pole_direction, swivel_of
+from bunraku.figure.limb import swivel_of
 from bunraku.figure.mass import center_of_mass_into
 from bunraku.figure.pointpose import default_swivel, level_weight, reconstruct_into
 from bunraku.figure.quat import exp, inv_rotate, log, mul_inv, slerp
@@ -540,13 +540,20 @@ def advance(
         for k in range(3):
             st.pelvis_rest[k] = 0.0 if k != 1 else st.pelvis_rest[k]
     turn_feet(rig, gains, st, under, yaws, dt)
-    interact(rig, gains, st, held, flags, before, trunk_before, arms, positions_ws)
+    keep_lean(st.turns[0], st.heading[0], under.turns[0])
+    sway_trunk(rig, gains, st, held, flags, before, positions_ws)
     keep_lean(st.turns[0], st.heading[0], under.turns[0])
     keep_head(st, under)
     size = agree(
         rig, gains, st, held, under, arms, flags, mass_share, hull, center, rotations_ls, positions_ws,
         rotations_ws,
     )  # fmt: skip
+    if not over:
+        sway_hands(rig, gains, st, flags, trunk_before[0], carried[0], arms, positions_ws)
+        for limb in range(2):
+            for k in range(3):
+                if flags[1 + limb] < 0.5:
+                    st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
     turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, dt)
     reconstruct_into(
         rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
@@ -556,7 +563,7 @@ def advance(
         for k in range(3):
             if flags[1 + limb] < 0.5:
                 st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
-    avoid(rig, gains, st, under, contacts, before, rotations_ls, positions_ws, rotations_ws, dt)
+    avoid(rig, gains, st, under, contacts, flags, before, rotations_ls, positions_ws, rotations_ws, dt)
 
     # What the next step needs to know of this one.
     span = max(dt, 1.0 / 120.0)
@@ -648,52 +655,56 @@ def seek_step(rig: Rig, gains: Gains, st: State, held: Held, over: bool, goals: 
 
 
 @kernel
-def interact(
-    rig: Rig, gains: Gains, st: State, held: Held, flags: Array, before: Array, turns_before: Array, arms: Array,
-    positions_ws: Array,
-) -> None:  # fmt: skip
-    """Interaction's votes against relaxing's and balance's, which both vote for the pose as it is now."""
-    moved, part = np.zeros(3), np.empty(3)
-    back = rig.back[0]
-    any_driven = False
+def sway_trunk(
+    rig: Rig, gains: Gains, st: State, held: Held, flags: Array, before: Array, positions_ws: Array
+) -> None:
+    """Interaction's vote on the trunk against relaxing's and balance's, which both vote for it as it is now."""
+    moved = np.zeros(3)
+    driven = False
     for limb in range(4):
         if flags[1 + limb] > 0.5:
-            any_driven = True
+            driven = True
             for k in range(3):
                 moved[k] += st.points[1 + limb, k] - before[1 + limb, k]
+    if not driven or held.flags[5] > 0.5:
+        return
+    n = sqrt(moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2)
+    if n > 0.25:
+        for k in range(3):
+            moved[k] *= 0.25 / n
     votes, weights, turn = np.empty((3, 4)), np.empty(3), np.empty(4)
-    if any_driven and held.flags[5] < 0.5:
-        n = sqrt(moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2)
-        if n > 0.25:
-            for k in range(3):
-                moved[k] *= 0.25 / n
-        for k in range(4):
-            turn[k] = st.turns[0, k]
-            votes[1, k], votes[2, k] = turn[k], turn[k]
-        trunk_from_ends(moved, positions_ws[rig.neck[0]], positions_ws[back], gains.ee_to_trunk, turn, votes[0])
-        supported = st.support[0] > 0.0 or st.support[1] > 0.0
-        weights[0], weights[1] = gains.w_interaction, gains.w_relaxing
-        weights[2] = gains.w_balance if supported else 0.0
-        blend_turn(votes, weights, turn, st.turns[0])
-    # Free hands are taken along by the shoulders; a little more by the trunk's own movement.
-    ends, end_weights, hand, shift = np.empty((2, 3)), np.empty(2), np.empty(3), np.empty(3)
-    for k in range(3):
-        shift[k] = st.points[0, k] - before[0, k]
-    for limb in range(2):
-        if flags[1 + limb] < 0.5:
-            for k in range(3):
-                hand[k] = st.roots[limb, k] + arms[limb, k]
-                ends[1, k] = hand[k]
-            end_from_trunk(
-                hand, positions_ws[back], turns_before[0], st.turns[0], shift, gains.trunk_to_ee, ends[0]
-            )  # fmt: skip
-            end_weights[0], end_weights[1] = gains.w_interaction, gains.w_relaxing
-            blend_point(ends, end_weights, hand, part)
-            for k in range(3):
-                arms[limb, k] = part[k] - st.roots[limb, k]
+    for k in range(4):
+        turn[k] = st.turns[0, k]
+        votes[1, k], votes[2, k] = turn[k], turn[k]
+    trunk_from_ends(
+        moved, positions_ws[rig.neck[0]], positions_ws[rig.back[0]], gains.ee_to_trunk, turn, votes[0]
+    )  # fmt: skip
+    supported = st.support[0] > 0.0 or st.support[1] > 0.0
+    weights[0], weights[1] = gains.w_interaction, gains.w_relaxing
+    weights[2] = gains.w_balance if supported else 0.0
+    blend_turn(votes, weights, turn, st.turns[0])
 
 
 @kernel
-def elbow_of(rig: Rig, limb: int, axis: Array, swivel: float, out: Array) -> None:
-    """The direction (3) in which a limb's elbow or knee stands out, in its parent's frame."""
-    pole_direction(axis, rig.references[limb, 0], rig.references[limb, 1], swivel, out)
+def sway_hands(
+    rig: Rig, gains: Gains, st: State, flags: Array, trunk_before: Array, pelvis_before: Array, arms: Array,
+    positions_ws: Array,
+) -> None:  # fmt: skip
+    """Interaction's vote on free hands against relaxing's: the shoulders take them along, the trunk some more."""
+    votes, weights, hand, shift, out = np.empty((2, 3)), np.empty(2), np.empty(3), np.empty(3), np.empty(3)
+    weights[0], weights[1] = gains.w_interaction, gains.w_relaxing
+    for k in range(3):
+        shift[k] = st.points[0, k] - pelvis_before[k]
+    for limb in range(2):
+        if flags[1 + limb] > 0.5:
+            continue
+        root = positions_ws[rig.limbs[limb, 0]]
+        for k in range(3):
+            hand[k] = root[k] + arms[limb, k]
+            votes[1, k] = hand[k]
+        end_from_trunk(
+            hand, positions_ws[rig.back[0]], trunk_before, st.turns[0], shift, gains.trunk_to_ee, votes[0]
+        )  # fmt: skip
+        blend_point(votes, weights, hand, out)
+        for k in range(3):
+            arms[limb, k] = out[k] - root[k]
