@@ -27,6 +27,8 @@ TYPICAL_LEG = 0.85  # m, thigh and shin of an adult
 LEG_RANGE = (0.62, 1.12)  # m that a known unit may give
 STRAIGHT = np.radians(5.0)  # a limb this near to its T-pose direction is left as the file has it
 T_POSE = np.radians(25.0)
+LEAP = 5.0  # rad/s, root mean square over the joints: faster than any motion begins
+LEAP_FRAMES = 24  # that a leap out of a T-pose may take
 SAMPLE = 240  # frames looked at to decide about the file
 
 
@@ -86,12 +88,12 @@ def interpret(raw: Raw, *, unit: float | None = None, up: str | None = None, roo
     tree = replace(tree, offsets=tree.offsets * metres, ends={j: e * metres for j, e in tree.ends.items()})
     kind = root or _root_rule(tree, places["absolute"] * metres, places["added"] * metres)
     roots = places[kind] * metres
-    first = 1 if _starts_with_t_pose(tree, roots) else 0
+    first = _t_pose_frames(tree, roots, raw.fps)
     tree, source = _rested(tree, rest_is_pose)
     if source == "upright frame":
         findings.append("neither the rest pose nor the first frame is a T-pose; one was made from an upright frame")
     if first:
-        findings.append("the first frame is a T-pose and left out")
+        findings.append(f"the motion begins with a T-pose; {first} frame{'s' if first > 1 else ''} left out")
     rest = _rest(tree)
     low = min([float(p[1]) for p in rest] + [float((rest[j] + e)[1]) for j, e in tree.ends.items()])
     shaped = np.array(tree.offsets)
@@ -351,17 +353,30 @@ def _is_t_pose(tree: _Tree, places: Array) -> bool:
     return True
 
 
-def _starts_with_t_pose(tree: _Tree, roots: Array) -> bool:
-    """Whether frame 0 is a T-pose put before the motion: the next frame is a jump away."""
-    if len(tree.rotations) < 3 or not tree.roles:
-        return False
+def _t_pose_frames(tree: _Tree, roots: Array, fps: float) -> int:
+    """How many frames to leave out: a T-pose put before the motion, and the leap from it to where the motion begins.
+
+    The leap takes one frame or, where somebody smoothed it, a few.
+    """
+    if len(tree.rotations) < 4 or not tree.roles:
+        return 0
     places = tree.positions(tree.orientations(slice(0, 1)))[0]
     if not _is_t_pose(tree, places):
-        return False
-    steps = np.linalg.norm(rot.log(rot.mul(rot.inverse(tree.rotations[:2]), tree.rotations[1:3])), axis=-1)
-    leaps = float(np.linalg.norm(roots[1] - roots[0])) > 0.2 + 5.0 * float(np.linalg.norm(roots[2] - roots[1]))
-    jump = float(np.sqrt(np.mean(steps[0] ** 2)))
-    return (jump > np.radians(6.0) and jump > 4.0 * float(np.sqrt(np.mean(steps[1] ** 2)))) or leaps
+        return 0
+    near = tree.rotations[: LEAP_FRAMES + 4]
+    turns = np.linalg.norm(rot.log(rot.mul(rot.inverse(near[:-1]), near[1:])), axis=-1)
+    steps = np.sqrt(np.mean(turns**2, axis=1))
+    shifts = np.linalg.norm(np.diff(roots[:4], axis=0), axis=1)
+    if shifts[0] > 0.2 + 5.0 * shifts[1:].max() or (steps[0] > LEAP / fps and steps[0] > 4.0 * steps[1:3].max()):
+        return 1
+    top = float(steps[:6].max())
+    if top * fps < LEAP:
+        return 0
+    calm = steps < 0.1 * top
+    for frame in range(1, min(LEAP_FRAMES, len(calm) - 2)):
+        if calm[frame : frame + 3].all():
+            return frame
+    return 0
 
 
 def _rested(tree: _Tree, rest_is_pose: bool) -> tuple[_Tree, str]:
