@@ -253,10 +253,10 @@ def test_a_meaningless_rest_pose_is_replaced_by_the_t_pose_in_the_first_frame():
         if name in ("LeftShoulder", "RightShoulder"):
             bent[3 + 3 * k : 6 + 3 * k] = [170, 10, 5]
     still = [v + 0.1 for v in bent]
-    capture = read_text(hierarchy + motion([row, bent, still]))
+    capture = read_text(hierarchy + motion([row, bent, still, bent]))
     assert capture.rest == "first frame"
     assert any("left out" in line for line in capture.findings)
-    assert len(capture.clip) == 2
+    assert len(capture.clip) == 3
     skeleton = capture.clip.skeleton
     rest = skeleton.rest_positions
     assert np.allclose((rest[skeleton.role("leftHand")] - rest[skeleton.role("leftUpperArm")])[1:], 0.0, atol=1e-6)
