@@ -1,0 +1,260 @@
+"""`bunraku bag` on files: info, recover, export, check, and what it refuses."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+
+from bunraku.cli import main
+from bunraku.figure.default import default_figure
+from bunraku.figure.wire import to_message
+from bunraku.msgs import Pose
+from bunraku.nodes.recorder.node import Recorder
+from bunraku.runtime.bag import Bag, BagWriter, Channel
+from bunraku.runtime.memory import MemoryStage
+from bunraku.runtime.node import Node, Publisher, param, timer
+
+T0 = 1_700_000_000_000_000_000
+MS = 1_000_000
+
+
+class Wave(Node):
+    """Says a pose 50 times a second."""
+
+    name = "wave"
+    pose = Publisher("pose", Pose)
+    reach: float = param(0.5)
+
+    def setup(self) -> None:
+        self.figure = default_figure()
+        self.count = 0
+
+    @timer(hz=50)
+    def tick(self) -> None:
+        self.count += 1
+        root, rotations = self.figure.rest_pose()
+        root = np.array(root, "f4")
+        root[0] = self.reach * np.sin(self.count / 20)
+        self.pose.publish(Pose(skeleton=self.figure.hash, root=root, rotations=rotations))
+
+
+@pytest.fixture
+def take(tmp_path: Path) -> Path:
+    stage = MemoryStage()
+    recorder = stage.add(Recorder, output=str(tmp_path / "take.mcap"))
+    stage.publish("skeleton", to_message(default_figure()))
+    wave = stage.add(Wave)
+    stage.advance(2.0)
+    stage.remove(wave)
+    stage.remove(recorder)
+    return tmp_path / "take.mcap"
+
+
+@pytest.fixture(autouse=True)
+def _plain_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUNRAKU_JIT", os.environ.get("BUNRAKU_JIT", "0"))
+
+
+def line(capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line on standard error."""
+    text = capsys.readouterr().err
+    assert text.count("\n") == 1, text
+    return text
+
+
+def test_info(take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bag", "info", str(take)]) == 0
+    text = capsys.readouterr().out
+    assert "complete" in text
+    assert "skeleton (latched)" in text
+    assert "50.0/s" in text
+    assert main(["bag", "info", str(take), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["complete"]
+    assert {one["topic"]: one["count"] for one in told["topics"]}["pose"] == 100
+    assert told["gaps"] == 0
+
+
+def test_a_killed_recording_is_told_and_mended(
+    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(take.read_bytes()[: take.stat().st_size * 2 // 3])
+    assert main(["bag", "info", str(cut), "--json"]) == 0
+    before = json.loads(capsys.readouterr().out)
+    assert not before["complete"]
+    assert before["messages"] > 0
+    assert main(["bag", "recover", str(cut), "-o", str(tmp_path / "mended.mcap"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["messages"] == before["messages"]
+    assert main(["bag", "info", str(tmp_path / "mended.mcap"), "--json"]) == 0
+    after = json.loads(capsys.readouterr().out)
+    assert after["complete"]
+    assert after["topics"] == before["topics"]
+    assert main(["bag", "recover", str(cut), "-o", str(tmp_path / "mended.mcap")]) == 2
+    assert "exists already" in line(capsys)
+
+
+def test_export_json(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bag", "export", str(take), "--json", "--topic", "pose"]) == 0
+    lines = [json.loads(text) for text in capsys.readouterr().out.splitlines()]
+    assert len(lines) == 100
+    assert (lines[0]["topic"], lines[0]["type"]) == ("pose", "Pose")
+    assert np.shape(lines[0]["message"]["rotations"]) == (21, 4)
+    with Bag(take) as bag:
+        body = msgpack.unpackb(next(bag.messages({"pose"})).body)
+    assert np.array_equal(np.array(lines[0]["message"]["root"], "<f4"), np.frombuffer(body["root"], "<f4"))
+    out = tmp_path / "all.jsonl"
+    assert main(["bag", "export", str(take), "--json", str(out)]) == 0
+    with Bag(take) as bag:
+        assert len(out.read_text().splitlines()) == len(list(bag.messages()))
+    capsys.readouterr()
+    assert main(["bag", "export", str(take), "--json", str(out)]) == 2
+    assert "exists already" in line(capsys)
+
+
+def test_export_json_of_remapped_and_broken_messages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.mcap"
+    with BagWriter(path) as writer:
+        writer.add_channel(Channel("puppet", "Pose"))
+        rest = Pose(skeleton="s", root=np.zeros(3), rotations=np.array([[0, 0, 0, 1.0]]))
+        writer.write("puppet", T0, rest.encode())
+        writer.write("own", T0 + 1, b"\xc1 no msgpack")
+        writer.write("own", T0 + 2, msgpack.packb({"x": float("nan"), "b": b"\0", 5: None}))
+    assert main(["bag", "export", str(path), "--json"]) == 0
+    puppet, broken, odd = (json.loads(text)["message"] for text in capsys.readouterr().out.splitlines())
+    assert puppet["rotations"] == [[0, 0, 0, 1]]
+    assert "invalid" in broken
+    assert odd == {"x": "nan", "b": {"base64": "AA=="}, "5": None}
+
+
+def test_export_bvh(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from bunraku.motion.bvh import read_bvh
+
+    out = tmp_path / "take.bvh"
+    assert main(["bag", "export", str(take), "--bvh", str(out), "--fps", "50"]) == 0
+    assert "100 frames" in capsys.readouterr().out
+    clip = read_bvh(out)
+    assert (len(clip), clip.fps) == (100, pytest.approx(50, rel=1e-3))
+    expected = 0.5 * np.sin(np.arange(1, 101) / 20)
+    assert np.abs(clip.roots[:, 0] - clip.roots[0, 0] - (expected - expected[0])).max() < 1e-4
+
+
+def test_export_bvh_says_what_is_missing(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "x.bvh")
+
+    def refused(path: Path, *words: str) -> str:
+        assert main(["bag", "export", str(path), "--bvh", out, *words]) == 2
+        return line(capsys)
+
+    def copy(name: str, keep) -> Path:
+        with Bag(take) as bag, BagWriter(tmp_path / name) as writer:
+            for entry in bag.messages():
+                for topic in keep(entry.topic):
+                    writer.write(topic, entry.received, entry.body)
+        return tmp_path / name
+
+    assert "no topic 'pole', did you mean 'pose'?" in refused(take, "--topic", "pole")
+    assert "holds no poses" in refused(take, "--topic", "skeleton")
+    no_skeleton = copy("b", lambda topic: [topic] if topic == "pose" else [])
+    assert "skeleton of pose was not recorded" in refused(no_skeleton)
+    assert "holds no poses" in refused(copy("c", lambda topic: [topic] if topic == "skeleton" else []))
+    two = copy("d", lambda topic: [f"alice/{topic}", f"bob/{topic}"] if topic in ("pose", "skeleton") else [])
+    assert "several figures" in refused(two)
+    assert main(["bag", "export", str(two), "--bvh", out, "--topic", "bob/pose"]) == 0
+    capsys.readouterr()
+    assert "exists already" in refused(two, "--topic", "bob/pose")
+
+
+def test_check_of_the_same_code_passes_twice(take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in range(2):
+        assert main(["bag", "check", str(take)]) == 0
+        text = capsys.readouterr().out
+        assert "wave: 101 steps, 100 messages compared: equal to the last bit" in text
+    assert main(["bag", "check", str(take), "--node", "wave", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["passed"], told["tolerance"], told["nodes"][0]["compared"]) == (True, 0.0, 100)
+
+
+def test_check_of_changed_code_fails(
+    take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import importlib
+
+    module = importlib.import_module(Wave.__module__)
+    monkeypatch.setattr(module.np, "sin", lambda x: np.cos(x - np.pi / 2) + 1e-5)
+    assert main(["bag", "check", str(take)]) == 1
+    text = capsys.readouterr().out
+    assert "different: 100 messages, first at" in text
+    assert "pose seq 0 root" in text
+    assert "NOT the same" in text
+    assert main(["bag", "check", str(take), "--tolerance", "1e-4", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["nodes"][0]["different"] == 100
+    assert told["nodes"][0]["largest"] == pytest.approx(5e-6, rel=0.2)
+
+
+def test_check_says_what_it_cannot_check(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bag", "check", str(take), "--node", "wove"]) == 2
+    assert "did you mean 'wave'?" in line(capsys)
+    with BagWriter(tmp_path / "b.mcap") as writer:
+        writer.write("pose", T0, b"")
+    assert main(["bag", "check", str(tmp_path / "b.mcap")]) == 2
+    assert "holds no journal" in line(capsys)
+
+
+@pytest.mark.parametrize("words", [["info"], ["recover", "-o", "out"], ["export", "--json"], ["check"], ["play"]])
+def test_a_file_that_is_no_bag_is_one_line_and_status_2(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    Path("garbage").write_bytes(os.urandom(5000))
+    for file, why in (("garbage", "is not a bag"), ("none", "does not exist")):
+        assert main(["bag", words[0], file, *words[1:]]) == 2
+        assert why in line(capsys)
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["play", "take.mcap", "--rate", "0"], "give a number above 0"),
+        (["play", "take.mcap", "--rate", "nan"], "no number"),
+        (["play", "take.mcap", "--topics", "poze"], "no topic 'poze', did you mean 'pose'?"),
+        (["play", "take.mcap", "--start", "99"], "start 99 s is not in the bag"),
+        (["play", "take.mcap", "--remap", "pose"], "write name:=value"),
+        (["play", "take.mcap", "--remap", "pose:=A b"], "topic name 'A b'"),
+        (["play", "take.mcap", "--remap", "poze:=a"], "no such topic"),
+        (["play", "take.mcap", "--remap", "pose:=skeleton"], "two topics"),
+        (["play", "take.mcap", "--wait-for", "touch"], "no topic 'touch'"),
+        (["record", "-o", "take.mcap"], "exists already"),
+        (["record", "-o", "no/such/folder.mcap"], "no folder"),
+        (["record", "-o", "new.mcap", "Bad Topic"], "topic 'Bad Topic'"),
+        (["record"], "required: -o"),
+        (["export", "take.mcap"], "one of the arguments --bvh --json is required"),
+        (["burn", "take.mcap"], "unknown 'burn'"),
+    ],
+)
+def test_bad_usage_is_one_line_and_status_2(
+    words: list[str], why: str, take: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(take.parent)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(take.parent))
+    assert main(["bag", *words]) == 2
+    assert why in line(capsys)
+    assert not (take.parent / "bunraku").exists() or not list((take.parent / "bunraku").iterdir())
+
+
+def test_help_does_not_import_what_is_heavy() -> None:
+    code = (
+        "import sys\nfrom bunraku.cli import main\nmain(['bag', 'play', '--help'])\n"
+        "print([m for m in ('numpy', 'zmq', 'mcap', 'msgspec') if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
+    assert "--loop" in done.stdout
