@@ -206,7 +206,8 @@ class Interpreter(Node):
             self.said_at = self.now
             self.target.publish(Target(**whole.target))  # type: ignore[arg-type]
         for command in whole.commands:
-            self.ids += 1
+            # Above those of an earlier run, so that no listener takes it for one that it has had.
+            self.ids = max(self.ids + 1, self.now // 1000)
             command.id = self.ids
             self.command.publish(command)
         if whole.overlay or self.drawn:

@@ -61,7 +61,6 @@ def plane(point: Array, normal: Array) -> Primitive:
 def step_goal(goal: Array) -> Primitive:
     """A ring on the ground where a step goes, (x, z) m."""
     turn = np.linspace(0.0, 2.0 * np.pi, 33)
-    ring: list[tuple[float, ...]] = [
-        (float(goal[0] + 0.16 * np.cos(a)), 0.004, float(goal[1] + 0.16 * np.sin(a))) for a in turn
-    ]
+    x, z = float(goal[0]), float(goal[1])
+    ring: list[tuple[float, ...]] = [(x + 0.16 * float(np.cos(a)), 0.004, z + 0.16 * float(np.sin(a))) for a in turn]
     return Primitive(kind="line", points=ring, color=GOAL, size=0.012)
