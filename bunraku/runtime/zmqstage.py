@@ -177,8 +177,8 @@ class ZmqStage:
         if source in self._triggers:
             reader, subscription = self._triggers[source]
             for _ in range(BATCH):
-                body = reader.receive()
-                if body is None or self.status is not None:
+                body = reader.receive() if self.status is None else None
+                if body is None:
                     return
                 if subscription.raw:
                     self._guard(partial(node.take_raw, subscription, reader.topic, body))
