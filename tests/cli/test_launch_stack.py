@@ -7,11 +7,7 @@ import select
 import signal
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -32,77 +28,11 @@ def launch(count: int = 50, stay: bool = False, required: bool = True, respawn: 
 """
 
 
-class Command:
-    """A running `bunraku` whose lines one can wait for."""
-
-    def __init__(self, *words: str, **env: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "bunraku.cli", *words],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            env={**os.environ, **env},
-            start_new_session=True,
-        )
-        self.lines: list[str] = []
-        self.news = threading.Condition()
-        self.reader = threading.Thread(target=self._read, daemon=True)
-        self.reader.start()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            with self.news:
-                self.lines.append(line.rstrip("\n"))
-                self.news.notify_all()
-
-    @property
-    def text(self) -> str:
-        return "\n".join(self.lines)
-
-    def wait_for(self, pattern: str, seconds: float = 60.0) -> re.Match[str]:
-        with self.news:
-            assert self.news.wait_for(lambda: re.search(pattern, self.text), seconds), self.text
-        found = re.search(pattern, self.text)
-        assert found is not None
-        return found
-
-    def end(self, seconds: float = 60.0) -> int:
-        status = self.process.wait(seconds)
-        self.reader.join(seconds)
-        return status
-
-    def interrupt(self) -> None:
-        self.process.send_signal(signal.SIGINT)
-
-
 @pytest.fixture
-def stage(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty stage, the test nodes importable, and a launch file play.py in the working folder."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("r")))
-    monkeypatch.setenv("BUNRAKU_STAGE", "t")
-    monkeypatch.setenv("PYTHONPATH", str(NODES))
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "play.py").write_text(FILE)
-    return Path(os.environ["XDG_RUNTIME_DIR"]) / "bunraku" / "t"
-
-
-@pytest.fixture
-def start() -> Iterator[Callable[..., Command]]:
-    running: list[Command] = []
-
-    def begin(*words: str, **env: str) -> Command:
-        running.append(Command(*words, **env))
-        return running[-1]
-
-    yield begin
-    for one in running:
-        if one.process.poll() is None:
-            one.process.kill()
-        one.end()
-        assert one.process.stdout is not None
-        one.process.stdout.close()
+def play(stage: Path) -> Path:
+    """A launch file play.py in the working folder."""
+    Path("play.py").write_text(FILE)
+    return stage
 
 
 def left(stage: Path) -> list[str]:
@@ -113,61 +43,54 @@ def pids(stage: Path) -> dict[str, int]:
     return {topic.node: topic.pid for topic in graph.topics(stage)}
 
 
-def until(condition: Callable[[], Any], seconds: float = 60.0) -> Any:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if found := condition():
-            return found
-        time.sleep(0.02)
-    raise AssertionError("it did not come")
-
-
-def test_it_runs_to_its_end_and_nothing_is_left(stage, start):
+def test_it_runs_to_its_end_and_nothing_is_left(play, start):
     one = start("launch", "play.py")
     assert one.end() == 0
     assert re.search(r"^launch +\| play: 2 nodes up in [\d.]+ s on stage 't'; Ctrl-C ends$", one.text, re.M)
     # the source waited for the counter, so that its very first message was heard
     assert re.search(r"^counter +\| first is 1$", one.text, re.M), one.text
     assert "source is required: ending the others" in one.text
-    assert not left(stage)
+    assert not left(play)
     assert "\x1b" not in one.text
 
 
-def test_ctrl_c_ends_all(stage, start):
+def test_ctrl_c_ends_all(play, start):
     one = start("launch", "play.py", "stay:=true")
     one.wait_for("2 nodes up")
-    assert set(pids(stage)) == {"source", "counter"}
+    assert set(pids(play)) == {"source", "counter"}
     one.interrupt()
     assert one.end() == 0
-    assert not left(stage)
+    assert not left(play)
 
 
-def test_kill_9_of_the_launcher_leaves_nothing(stage, start):
+def test_kill_9_of_the_launcher_leaves_nothing(play, start):
     one = start("launch", "play.py", "stay:=true")
     one.wait_for("2 nodes up")
-    watched = [os.pidfd_open(pid) for pid in pids(stage).values()]
+    watched = [os.pidfd_open(pid) for pid in pids(play).values()]
     assert len(watched) == 2
     one.process.kill()
     for number in watched:
         assert select.select([number], [], [], 30.0)[0], "a node outlived its launcher"
         os.close(number)
-    assert not left(stage)
+    assert not left(play)
 
 
-def test_kill_9_of_a_node_that_is_restarted(stage, start):
+def test_kill_9_of_a_node_that_is_restarted(play, start, until):
     one = start("launch", "play.py", "count:=100000", "respawn:=true")
     one.wait_for("first is 1")
-    before = pids(stage)["counter"]
+    state = play / "counter.state"
+    until(lambda: state.exists() and state.stat().st_size)
+    before = pids(play)["counter"]
     os.kill(before, signal.SIGKILL)
     one.wait_for(r"counter +\| killed by SIGKILL; starting again in 0\.1 s \(1 of 5\)")
     one.wait_for(r"counter +\| took up from where it was")
-    assert until(lambda: pids(stage).get("counter")) != before
+    assert until(lambda: pids(play).get("counter")) != before
     one.interrupt()
     assert one.end() == 0
-    assert not left(stage)
+    assert not left(play)
 
 
-def test_the_status_is_the_failing_node_s_and_its_last_lines_are_repeated(stage, start):
+def test_the_status_is_the_failing_node_s_and_its_last_lines_are_repeated(play, start):
     Path("broken.py").write_text(
         FILE.replace("required=required", "required=False").replace(
             'node("launch_nodes:Counter", name="counter", respawn=respawn)',
@@ -178,18 +101,18 @@ def test_the_status_is_the_failing_node_s_and_its_last_lines_are_repeated(stage,
     assert one.end() == 1
     assert one.lines[-2].endswith("| broken ended with status 1; its last lines:")
     assert one.lines[-1] == "broken | error: port 3333 is taken: choose another with port:=N"
-    assert not left(stage)
+    assert not left(play)
 
 
-def test_kill_9_of_a_required_node_ends_the_stack(stage, start):
+def test_kill_9_of_a_required_node_ends_the_stack(play, start):
     one = start("launch", "play.py", "stay:=true")
     one.wait_for("2 nodes up")
-    os.kill(pids(stage)["source"], signal.SIGKILL)
+    os.kill(pids(play)["source"], signal.SIGKILL)
     assert one.end() == 128 + signal.SIGKILL
-    assert not left(stage)
+    assert not left(play)
 
 
-def test_a_second_launch_on_the_stage_is_refused(stage, start):
+def test_a_second_launch_on_the_stage_is_refused(play, start):
     one = start("launch", "play.py", "stay:=true")
     one.wait_for("2 nodes up")
     two = start("launch", "play.py")
@@ -200,14 +123,14 @@ def test_a_second_launch_on_the_stage_is_refused(stage, start):
     ]
     three = start("launch", "play.py", "--stage", "other")
     assert three.end() == 0
-    assert set(pids(stage)) == {"source", "counter"}
+    assert set(pids(play)) == {"source", "counter"}
     one.interrupt()
     assert one.end() == 0
 
 
-def test_a_topic_that_another_process_says_is_refused(stage, start):
+def test_a_topic_that_another_process_says_is_refused(play, start, until):
     pub = start("topic", "pub", "target", "{}", "--no-wait", "--rate", "5")
-    until(lambda: pids(stage))
+    until(lambda: pids(play))
     one = start("launch", "play.py")
     assert one.end() == 2
     assert one.lines == [
@@ -220,27 +143,27 @@ def test_a_topic_that_another_process_says_is_refused(stage, start):
     assert two.end() == 0
     pub.interrupt()
     assert pub.end() == 0
-    assert not left(stage)
+    assert not left(play)
 
 
-def test_what_a_dead_stack_left_is_swept(stage, start):
+def test_what_a_dead_stack_left_is_swept(play, start, until):
     one = start("launch", "play.py", "stay:=true")
     one.wait_for("2 nodes up")
-    killed = list(pids(stage).values())
+    killed = list(pids(play).values())
     one.process.send_signal(signal.SIGSTOP)
     for pid in killed:
         os.kill(pid, signal.SIGKILL)
     one.process.kill()
     one.end()
-    assert until(lambda: not graph.topics(stage))
-    assert left(stage)
+    assert until(lambda: not graph.topics(play))
+    assert left(play)
     two = start("launch", "play.py")
     assert two.end() == 0
     assert "took up" not in two.text
-    assert not left(stage)
+    assert not left(play)
 
 
-def test_a_terminal_gets_colours(stage):
+def test_a_terminal_gets_colours(play):
     script = f"{sys.executable} -m bunraku.cli launch play.py count:=1"
     shown = subprocess.run(
         ["script", "-qec", script, "/dev/null"], capture_output=True, text=True, stdin=subprocess.DEVNULL,
@@ -253,16 +176,6 @@ def test_a_terminal_gets_colours(stage):
         env={**os.environ, "TERM": "xterm", "NO_COLOR": "1"}, timeout=60,
     )  # fmt: skip
     assert "\x1b[" not in plain.stdout
-
-
-def bunraku(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "bunraku.cli", *words],
-        capture_output=True,
-        text=True,
-        stdin=subprocess.DEVNULL,
-        timeout=60,
-    )
 
 
 @pytest.mark.parametrize(
@@ -282,16 +195,16 @@ def bunraku(*words: str) -> subprocess.CompletedProcess[str]:
         (("", ""), ["--replay", "x.mcap"], "--replay BAG and --replace NODE go together"),
     ],
 )
-def test_it_is_refused_before_anything_starts(stage, change, words, says):
+def test_it_is_refused_before_anything_starts(play, change, words, says, bunraku):
     Path("play.py").write_text(FILE.replace(*change) if change[0] else FILE)
     done = bunraku("launch", "play.py", *words)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"bunraku launch: {says}")
-    assert not stage.exists()
+    assert not play.exists()
 
 
-def test_show_starts_nothing(stage):
+def test_show_starts_nothing(play, bunraku):
     done = bunraku("launch", "play.py", "--show", "count:=3")
     assert done.returncode == 0
     assert re.search(
@@ -300,16 +213,16 @@ def test_show_starts_nothing(stage):
     shown = json.loads(bunraku("launch", "play.py", "--show", "--json").stdout)
     assert [one["path"] for one in shown] == ["source", "counter"]
     assert shown[1]["hears"] == ["target"]
-    assert not stage.exists()
+    assert not play.exists()
 
 
-def test_the_arguments_are_listed(stage):
+def test_the_arguments_are_listed(play, bunraku):
     rows = json.loads(bunraku("launch", "play.py", "--args", "--json").stdout)
     assert rows[0] == {"argument": "count", "type": "int", "default": 50}
     assert "respawn" in bunraku("launch", "play.py", "--args").stdout
 
 
-def test_a_path_too_long_for_a_socket_is_refused(stage, monkeypatch, tmp_path):
+def test_a_path_too_long_for_a_socket_is_refused(play, monkeypatch, tmp_path, bunraku):
     deep = tmp_path / ("x" * 90)
     deep.mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(deep))
