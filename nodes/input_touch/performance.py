@@ -3,7 +3,7 @@
     title = "Wave"
 
     [[touch]]
-    on = "left_hand"              # a part of the default figure at rest, seen by the default camera
+    on = "left_hand"              # a part of the default figure at ease, seen by the default camera
     start = 0.5                   # s
     drag = [[0.6, 0.10, 0.55],    # [s since the start, m to the right, m up] on the picture, from where it began
             [0.9, 0.30, 0.60]]
@@ -170,11 +170,25 @@ PARTS = (*_MIDDLES, *_JOINTS)
 """Names that ``on`` takes."""
 
 
+AT_EASE = (0.17, -0.97, 0.10)
+"""Direction of the left arm of a figure that stands at ease."""
+
+
 def part_places() -> dict[str, Array]:
-    """World positions (3) m of the middle of each part of the default figure at rest."""
+    """World positions (3) m of the middle of each part of the default figure that stands at ease: the rest pose
+    with its arms at its sides."""
     skeleton = default_figure()
-    joints = skeleton.rest_positions
+    joints = np.array(skeleton.rest_positions)
     middles = joints + skeleton.box_centers  # at rest every joint is turned as the world
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        down = np.array([sign * AT_EASE[0], AT_EASE[1], AT_EASE[2]])
+        down /= np.linalg.norm(down)
+        chain = [skeleton.role(side + part) for part in ("UpperArm", "LowerArm", "Hand")]
+        place = joints[chain[0]]
+        for above, below in zip(chain, chain[1:], strict=False):
+            place = joints[below] = place + down * np.linalg.norm(skeleton.offsets[below])
+            middles[above] = 0.5 * (joints[above] + place)
+        middles[chain[-1]] = place + down * np.linalg.norm(skeleton.box_centers[chain[-1]])
     places = {name: middles[skeleton.role(role)] for name, role in _MIDDLES.items()}
     places |= {name: joints[skeleton.role(role)] for name, role in _JOINTS.items()}
     return places

@@ -106,7 +106,7 @@ def test_it_loops(tmp_path: Path) -> None:
     assert stage.status is None
 
 
-def test_a_part_s_name_means_its_place_at_rest_seen_by_the_default_camera() -> None:
+def test_a_part_s_name_means_its_place_at_ease_seen_by_the_default_camera() -> None:
     one = parse('[[touch]]\non = "left_foot"\nhold = 1.0\n').strokes[0].at(0.0)
     figure = default_figure()
     foot = figure.role("leftFoot")
