@@ -28,6 +28,10 @@ STRIDE = 0.04
 MOST_STRIDES = 10
 PUSHES = 6
 """Most pushes after one stride."""
+FASTEST = 4.0
+"""m/s at which a limb that touches something goes to its goal."""
+LEAST_PROGRESS = 2e-4
+"""m: one that comes no nearer than this stays where it is."""
 PUSH_HALF_LIFE = 0.25
 """s in which the turn of an elbow that avoided something goes back."""
 
@@ -72,12 +76,12 @@ def place_limb(
 
 @kernel
 def deepest_contact(
-    rig: Rig, contacts: Contacts, limb: int, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array,
-    push: Array,
+    rig: Rig, contacts: Contacts, limb: int, yielding: Array, positions_ws: Array, rotations_ws: Array,
+    centers: Array, axes: Array, push: Array,
 ) -> float:  # fmt: skip
     """The smallest gap (m, negative for an overlap) of a limb with the rest.
 
-    ``push`` (4): the way out (3) and where on its bone: 0 upper bone's root .. 1 elbow .. 2 end and beyond.
+    ``yielding`` (J,) is 1 for joints that get out of this limb's way. ``push`` (4): the way out (3) and where on its bone: 0 upper bone's root .. 1 elbow .. 2 end and beyond.
     """
     least = 1e9
     axis, v = np.empty(3), np.empty(3)
@@ -94,6 +98,8 @@ def deepest_contact(
             other = contacts.others[limb, n, m]
             if other < 0:
                 break
+            if yielding[other] > 0.5:
+                continue
             gap = pair_gap(centers, axes, rig.box_sizes, part, other, axis)
             if gap < least:
                 least = gap
@@ -159,79 +165,118 @@ def push_limb(
         turn = depth * by_hinge / total / radius
         turn = min(0.2, max(-0.2, turn))
         st.swivels[limb] += turn
-        st.pushes[limb] += turn
-        st.pushes[limb] = min(1.2, max(-1.2, st.pushes[limb]))
+
+
+@kernel
+def distance(a: Array, b: Array) -> float:
+    """Between two points (3), m."""
+    return sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@kernel
+def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
+    """Which joints (J,) get out of a limb's way: free limbs yield to driven ones, arms to legs."""
+    for joint in range(out.shape[0]):
+        out[joint] = 0.0
+    mine = 3.0 if flags[1 + limb] > 0.5 else (2.0 if limb >= 2 else 1.0)
+    for other in range(4):
+        rank = 3.0 if flags[1 + other] > 0.5 else (2.0 if other >= 2 else 1.0)
+        if other >= 2 and st.planted[other - 2] > 0.5:
+            rank = 4.0
+        if rank < mine:
+            upper = rig.limbs[other, 0]
+            for joint in range(upper, rig.parents.shape[0]):
+                if joint != upper and rig.parents[joint] < upper:
+                    break
+                out[joint] = 1.0
 
 
 @kernel
 def avoid(
     rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, flags: Array, before: Array,
-    rotations_ls: Array, positions_ws: Array, rotations_ws: Array, dt: float,
+    swivels_before: Array, plain: Array, rotations_ls: Array, positions_ws: Array, rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
     """Move limbs out of the body and into their limits, in place.
 
+    A limb that is in the way goes on only where that brings it nearer to its goal, so one that cannot come
+    nearer rests.
+
     Args:
         flags: (5,) which points are driven; a motion's own limbs are left as they are.
-        before: (5, 3) m, the points of the last step.
+        before: (5, 3) m, the points of the last step; swivels_before: (4,) rad likewise.
+        plain: (4,) rad, the swivels without what earlier contacts added.
     """
     joints = rig.parents.shape[0]
     centers, axes, push = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4)
+    yielding = np.empty(joints)
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
-    goal, start, safe = np.empty(3), np.empty(3), np.empty(3)
-    for limb in range(4):
+    goal, start = np.empty(3), np.empty(3)
+    limits = contacts.limits
+    order = np.array([0, 1, 2, 3])
+    count = 0
+    for rank in range(3):
+        for limb in range(4):
+            own = 0 if flags[1 + limb] > 0.5 else (1 if limb >= 2 else 2)
+            if own == rank:
+                order[count] = limb
+                count += 1
+    for turn in range(4):
+        limb = order[turn]
         row = limb + 1
+        fixed = limb >= 2 and st.planted[limb - 2] > 0.5
+        limited = not fixed and (flags[row] > 0.5 or under.active[0] < 0.5)
+        root = positions_ws[rig.limbs[limb, 0]]
         for k in range(3):
             goal[k] = st.points[row, k]
             # The last place, taken along with the shoulder or hip.
-            start[k] = before[row, k] + positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
-        fixed = limb >= 2 and st.planted[limb - 2] > 0.5
-        limited = not fixed and (flags[row] > 0.5 or under.active[0] < 0.5)
-        place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-        gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
-        way = 0.0
-        for k in range(3):
-            way += (goal[k] - start[k]) ** 2
-        way = sqrt(way)
-        decay = 0.5 ** (dt / PUSH_HALF_LIFE)
+            start[k] = before[row, k] + root[k] - st.roots[limb, k]
+        wanted = st.swivels[limb]
+        yields(rig, st, flags, limb, yielding)
+        place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
+        gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
+        way = distance(goal, start)
         if fixed or gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
             if gap > 0.03:
-                st.pushes[limb] *= decay
+                st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
             if limited:
                 for k in range(3):
                     st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
             continue
-        strides = min(MOST_STRIDES, max(1, int(np.ceil(way / STRIDE))))
+        # From the last place, where it was free unless the body moved.
         for k in range(3):
             st.points[row, k] = start[k]
+        st.swivels[limb] = swivels_before[limb]
+        place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
+        gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
+        was_free = gap >= -1e-4
+        far = distance(goal, positions_ws[rig.limbs[limb, 2]])
+        farthest = max(0.05, FASTEST * dt)
+        share = min(1.0, farthest / max(way, 1e-9))
+        strides = min(MOST_STRIDES, max(1, int(np.ceil(way * share / STRIDE))))
+        turn_left = share * (wanted - swivels_before[limb])
         for stride in range(strides):
-            left = 1.0 / (strides - stride)
             for k in range(3):
-                safe[k] = st.points[row, k]
-                st.points[row, k] += (goal[k] - st.points[row, k]) * left
+                st.points[row, k] += (goal[k] - st.points[row, k]) * share / (strides - stride * share)
+            st.swivels[limb] += turn_left / strides
             for _ in range(PUSHES):
-                place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-                gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
+                place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
+                gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
                 if gap >= 0.0:
                     break
                 push_limb(rig, st, limb, push, gains.clearance - gap, positions_ws, rotations_ws)
-        if gap < -0.004:
-            # Pushing did not help: back toward the last free place (eq. 27).
-            low, high = 0.0, 1.0
+        place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
+        gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
+        nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
+        if was_free and (gap < -1e-4 or nearer < LEAST_PROGRESS):
+            # Back to the last free place (eq. 27 with t = 0).
             for k in range(3):
-                safe[k] = st.points[row, k]
-            for _ in range(5):
-                t = 0.5 * (low + high)
-                for k in range(3):
-                    st.points[row, k] = start[k] + t * (safe[k] - start[k])
-                place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-                gap = deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
-                if gap >= -0.002:
-                    low = t
-                else:
-                    high = t
-            for k in range(3):
-                st.points[row, k] = start[k] + low * (safe[k] - start[k])
-        place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-        deepest_contact(rig, contacts, limb, positions_ws, rotations_ws, centers, axes, push)
+                st.points[row, k] = start[k]
+            st.swivels[limb] = swivels_before[limb]
+            place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
+            deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
+        off = st.swivels[limb] - plain[limb]
+        st.pushes[limb] = min(1.6, max(-1.6, off))
+        st.extra[limb] = st.swivels[limb] - under.swivels[limb]
+        st.extra_rates[limb] = 0.0
         for k in range(3):
             st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]

@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
 from bunraku.figure.quat import rotate
-from bunraku.figure.rig import Rig
-from bunraku.nodes.controller.state import ANKLE_BEND
+from bunraku.figure.rig import PELVIS_BACK_RATIO, Rig
+from bunraku.nodes.controller.state import ANKLE_BEND, TRUNK_LEAN
 
 Array = NDArray[np.float64]
 
-ANKLE = float(ANKLE_BEND)
+ANKLE, FORWARD = float(ANKLE_BEND), float(TRUNK_LEAN[0])
+HIP_FLEXION, FOLD = 1.95, 2.35
+"""rad: how far a hip bends, and how far trunk and thigh fold before they touch."""
 NARROW, WIDE, LONG = 0.12, 0.45, 0.28
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
 LOWEST_PELVIS = 0.25
@@ -115,3 +117,20 @@ def pelvis_home(rig: Rig, points: Array, support: Array, heading: float, out: Ar
     out[2] -= c * hip_z - s * hip_x
     leg = 0.5 * (rig.reach[2, 1] + rig.reach[3, 1])
     out[1] = 0.5 * (rig.ankle_heights[0] + rig.ankle_heights[1]) + 0.9985 * leg + drop
+
+
+@kernel
+def lean_room(rig: Rig, positions_ws: Array, planted: Array, heading: float) -> float:
+    """How far the trunk may bend forward (rad) over planted legs: hips and belly stop it over raised thighs."""
+    room = FORWARD
+    c, s = cos(heading), sin(heading)
+    for side in range(2):
+        if planted[side] > 0.5:
+            hip, knee = rig.limbs[2 + side, 0], rig.limbs[2 + side, 1]
+            ahead = s * (positions_ws[knee, 0] - positions_ws[hip, 0]) + c * (
+                positions_ws[knee, 2] - positions_ws[hip, 2]
+            )
+            down = positions_ws[hip, 1] - positions_ws[knee, 1]
+            thigh = atan2(max(ahead, 0.0), max(down, -0.2))
+            room = min(room, (HIP_FLEXION - thigh) / PELVIS_BACK_RATIO, FOLD - thigh)
+    return max(room, 0.1)

@@ -59,7 +59,10 @@ class Controller(Node):
         _GAINS.pelvis_trunk, low=0.0, high=1.0, doc="the pelvis's part of keeping balance; the trunk has the rest"
     )
     relax_trunk: float = param(_GAINS.relax_trunk, low=0.0, high=20.0, doc="rad/s at which the trunk comes upright")
-    relax_ends: float = param(_GAINS.relax_ends, low=0.0, high=10.0, doc="m/s at which free hands and feet sink")
+    relax_ends: float = param(_GAINS.relax_ends, low=0.0, high=10.0, doc="m/s at which free hands sink")
+    relax_reach: float = param(
+        _GAINS.relax_reach, low=0.0, high=10.0, doc="m/s at which the pelvis comes back from a reach and feet sink"
+    )
     relax_pelvis: float = param(
         _GAINS.relax_pelvis, low=0.0, high=10.0, doc="m/s at which a released pelvis comes back; 0 leaves it"
     )

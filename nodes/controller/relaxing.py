@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
+from bunraku.figure.limb import flexion_of
 from bunraku.figure.quat import between, log, mul, mul_inv, rotate
 from bunraku.figure.quat import exp as quat_exp
 
@@ -49,9 +50,12 @@ def relax_point(x: Array, velocity: Array, goal: Array, speed: float, time: floa
 
 @kernel
 def relax_hand(
-    arm: Array, velocity: Array, rest: Array, aside: Array, speed: float, time: float, ease: float, dt: float
-) -> None:
+    arm: Array, velocity: Array, rest: Array, aside: Array, upper: float, lower: float, speed: float, time: float,
+    ease: float, dt: float,
+) -> None:  # fmt: skip
     """One step of a free hand: it sinks on an arc about its shoulder (eq. 26 along the arm's own way).
+
+    The hand goes round the shoulder at ``speed``; the elbow opens or closes at the same angular speed.
 
     Args:
         arm: (3) m from the shoulder to the hand, changed in place.
@@ -87,7 +91,11 @@ def relax_hand(
         n += tangent[k] * tangent[k]
     n = sqrt(n)
     rate = min(speed / r0, angle / time)
-    radial = min(speed, max(-speed, (r0 - r) / time))
+    bend = flexion_of(upper, lower, r)
+    unbend = min(speed / r0, max(-speed / r0, (flexion_of(upper, lower, r0) - bend) / time))
+    radial = -unbend * upper * lower * sin(bend) / r
+    if bend < 0.02 or bend > 3.1:
+        radial = min(speed, max(-speed, (r0 - r) / time))
     wanted = np.empty(3)
     for k in range(3):
         wanted[k] = radial * u[k] + (rate * r * tangent[k] / n if n > 1e-9 else 0.0)

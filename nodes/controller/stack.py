@@ -22,7 +22,7 @@ from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, s
 from bunraku.nodes.controller.blend import blend_point, blend_turn
 from bunraku.nodes.controller.collision import Contacts, avoid
 from bunraku.nodes.controller.interaction import end_from_trunk, trunk_from_ends
-from bunraku.nodes.controller.legs import keep_pelvis_over_feet, landing_place, pelvis_home
+from bunraku.nodes.controller.legs import keep_pelvis_over_feet, landing_place, lean_room, pelvis_home
 from bunraku.nodes.controller.relaxing import (
     carry_hand,
     carry_turn,
@@ -42,6 +42,8 @@ Index = NDArray[np.int64]
 
 ROUNDS = 10
 """Most rounds of tracking and balance in one step."""
+LAST_ROUNDS = 6
+"""Most rounds in which balance alone has the last word."""
 ENOUGH = 2e-4
 """m: shifts below this end the rounds."""
 YAW_STEP, YAW_REST, YAW_MOST = 0.40, 0.10, 0.75
@@ -224,20 +226,20 @@ def move_ends(
             sign = 1.0 if limb == 0 else -1.0
             aside[0], aside[1], aside[2] = 0.85 * sign * c + 0.5 * s, 0.0, 0.5 * c - 0.85 * sign * s
             relax_hand(
-                arms[limb], st.velocities[row], goals[row], aside, gains.relax_ends, gains.relax_time,
-                gains.ease_time, dt,
+                arms[limb], st.velocities[row], goals[row], aside, rig.lengths[limb, 0], rig.lengths[limb, 1],
+                gains.relax_ends, gains.relax_time, gains.ease_time, dt,
             )  # fmt: skip
         elif over:
             for k in range(3):
                 st.points[row, k] += goals[row, k] - st.goals[row, k]
             relax_point(
-                st.points[row], st.velocities[row], goals[row], gains.relax_ends, gains.relax_time,
+                st.points[row], st.velocities[row], goals[row], gains.relax_reach, gains.relax_time,
                 gains.ease_time, dt,
             )  # fmt: skip
         elif st.planted[limb - 2] < 0.5 and st.step[PHASE] == IDLE:
             side = limb - 2
             relax_point(
-                st.points[row], st.velocities[row], goals[row], gains.relax_ends, gains.relax_time,
+                st.points[row], st.velocities[row], goals[row], gains.relax_reach, gains.relax_time,
                 gains.ease_time, dt,
             )  # fmt: skip
             if st.points[row, 1] <= rig.ankle_heights[side] + 5e-4:
@@ -294,7 +296,7 @@ def agree(
     over = under.active[0] > 0.5
     back = rig.back[0]
     size = 0
-    for round_ in range(ROUNDS + 3):
+    for round_ in range(ROUNDS + LAST_ROUNDS):
         last_word = round_ >= ROUNDS
         reconstruct_into(
             rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
@@ -306,6 +308,7 @@ def agree(
                     st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
         center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
         size = sole_polygon(rig, st.points, st.feet, st.support, hull)
+        room = lean_room(rig, positions_ws, st.planted, st.heading[0])
         for k in range(3):
             start[k] = st.points[0, k]
             chest[k] = positions_ws[rig.neck[0], k]
@@ -337,7 +340,7 @@ def agree(
                 if arm >= 0 and trunk_free:
                     reach_with_trunk(
                         shift, positions_ws[rig.limbs[arm, 0]], positions_ws[back], st.turns[0], st.heading[0],
-                        under.turns[0], trunk_votes[0], rest,
+                        under.turns[0], room, trunk_votes[0], rest,
                     )  # fmt: skip
                     trunk_weights[0] = gains.w_tracking
                 if pelvis_free:
@@ -375,7 +378,7 @@ def agree(
             for k in range(4):
                 turn[k] = st.turns[0, k]
             blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
-            keep_lean(st.turns[0], st.heading[0], under.turns[0])
+            keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck
         )  # fmt: skip
@@ -406,9 +409,12 @@ def nothing_driven(st: State, flags: Array, held: Held) -> bool:
 @kernel
 def turn_hinges(
     rig: Rig, gains: Gains, st: State, held: Held, under: Under, positions_ws: Array, rotations_ws: Array,
-    dt: float,
+    plain: Array, dt: float,
 ) -> None:  # fmt: skip
-    """The swivels: the examples', the motion's difference from them, a held elbow or knee, collisions'."""
+    """The swivels: the examples', the motion's difference from them, a held elbow or knee, collisions'.
+
+    ``plain`` (4) is written: where they go without collisions.
+    """
     axis, pole = np.empty(3), np.empty(3)
     for limb in range(4):
         upper = rig.limbs[limb, 0]
@@ -435,6 +441,7 @@ def turn_hinges(
             wanted -= under.swivels[limb]
             goal += min(1.0, sqrt(out) / 0.05) * wrap(wanted - goal)
         now = st.extra[limb]
+        plain[limb] = under.swivels[limb] + now + wrap(goal - now)
         aim = np.array([now + wrap(goal + st.pushes[limb] - now)])
         spring_to_into(st.extra[limb : limb + 1], st.extra_rates[limb : limb + 1], aim, gains.swivel_half_life, dt)
         if st.mode[0] < 1.5:
@@ -456,12 +463,24 @@ def advance(
     goals, goal_turns = np.empty((5, 3)), np.empty((2, 4))
     before, trunk_before, carried = np.empty((5, 3)), np.empty((2, 4)), np.empty((5, 3))
     arms, flags = np.zeros((2, 3)), np.zeros(5)
+    relaxed_trunk, relaxed_pelvis = np.empty(4), np.empty(3)
+    swivels_before, plain = np.empty(4), np.empty(4)
     fresh = st.mode[0] < 0.5
     if fresh:
         start_standing(rig, st, under, positions_ws)
     for n in range(5):
         for k in range(3):
             before[n, k] = st.points[n, k]
+    for limb in range(4):
+        swivels_before[limb] = st.swivels[limb]
+    let_go = False
+    for n in range(7):
+        let_go = let_go or (st.held[n] > 0.5 and held.flags[n] < 0.5)
+    if let_go:
+        # What a held part drew along goes on as it moved.
+        for k in range(3):
+            st.velocities[0, k] = st.drifts[0, k]
+            st.spins[0, k] = st.drifts[1, k]
     update_heading(gains, st, held, under, dt)
     find_goals(rig, st, under, goals, goal_turns)
     if st.mode[1] != under.active[0]:
@@ -486,7 +505,7 @@ def advance(
         for limb in range(2):
             for k in range(3):
                 st.points[1 + limb, k] = st.roots[limb, k] + goals[1 + limb, k]
-        turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, dt)
+        turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, plain, dt)
         st.mode[0] = 2.0
     yaws = np.array([twist_of(st.feet[0]), twist_of(st.feet[1])])
     seek_step(rig, gains, st, held, over, goals)
@@ -540,9 +559,14 @@ def advance(
         for k in range(3):
             st.pelvis_rest[k] = 0.0 if k != 1 else st.pelvis_rest[k]
     turn_feet(rig, gains, st, under, yaws, dt)
-    keep_lean(st.turns[0], st.heading[0], under.turns[0])
+    room = lean_room(rig, positions_ws, st.planted, st.heading[0])
+    keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
     sway_trunk(rig, gains, st, held, flags, before, positions_ws)
-    keep_lean(st.turns[0], st.heading[0], under.turns[0])
+    keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
+    for k in range(4):
+        relaxed_trunk[k] = st.turns[0, k]
+    for k in range(3):
+        relaxed_pelvis[k] = st.points[0, k]
     keep_head(st, under)
     size = agree(
         rig, gains, st, held, under, arms, flags, mass_share, hull, center, rotations_ls, positions_ws,
@@ -554,7 +578,7 @@ def advance(
             for k in range(3):
                 if flags[1 + limb] < 0.5:
                     st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
-    turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, dt)
+    turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, plain, dt)
     reconstruct_into(
         rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
         rotations_ws,
@@ -563,20 +587,38 @@ def advance(
         for k in range(3):
             if flags[1 + limb] < 0.5:
                 st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
-    avoid(rig, gains, st, under, contacts, flags, before, rotations_ls, positions_ws, rotations_ws, dt)
+    avoid(
+        rig,
+        gains,
+        st,
+        under,
+        contacts,
+        flags,
+        before,
+        swivels_before,
+        plain,
+        rotations_ls,
+        positions_ws,
+        rotations_ws,
+        dt,
+    )
 
     # What the next step needs to know of this one.
     span = max(dt, 1.0 / 120.0)
     q, v = np.empty(4), np.empty(3)
-    for n in range(2):
-        if held.flags[5 + n] < 0.5:
-            mul_inv(st.turns[n], trunk_before[n], q)
-            log(q, v)
-            for k in range(3):
-                st.spins[n, k] = v[k] / span
+    mul_inv(st.turns[0], trunk_before[0], q)
+    log(q, v)
+    for k in range(3):
+        st.drifts[0, k] = (st.points[0, k] - carried[0, k]) / span
+        st.drifts[1, k] = v[k] / span
+    if held.flags[5] < 0.5:
+        mul_inv(st.turns[0], relaxed_trunk, q)
+        log(q, v)
+        take_away(st.spins[0], v, span)
     if flags[0] < 0.5:
         for k in range(3):
-            st.velocities[0, k] = (st.points[0, k] - carried[0, k]) / span
+            v[k] = st.points[0, k] - relaxed_pelvis[k]
+        take_away(st.velocities[0], v, span)
     for limb in range(2):
         for k in range(3):
             if flags[1 + limb] < 0.5:
@@ -597,15 +639,28 @@ def advance(
 
 
 @kernel
+def take_away(velocity: Array, moved: Array, span: float) -> None:
+    """Take from a relaxing velocity (3) what the other modules' movement (3) worked against, in place."""
+    against, size = 0.0, 0.0
+    for k in range(3):
+        against += velocity[k] * moved[k] / span
+        size += (moved[k] / span) ** 2
+    if against < 0.0 and size > 1e-12:
+        share = min(1.0, -against / size)
+        for k in range(3):
+            velocity[k] += share * moved[k] / span
+
+
+@kernel
 def keep_head(st: State, under: Under) -> None:
     """Keep the head within what the neck can do."""
     q, v = np.empty(4), np.empty(3)
     mul_inv(st.turns[1], st.turns[0], q)
     log(q, v)
     angle = sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
-    if angle > 1.1 and under.active[0] < 0.5:
+    if angle > 1.0 and under.active[0] < 0.5:
         for k in range(3):
-            v[k] *= 1.1 / angle
+            v[k] *= 1.0 / angle
         exp(v, q)
         w = np.empty(4)
         for k in range(4):

@@ -28,10 +28,12 @@ class Gains(NamedTuple):
     """Influence of the trunk's velocity on the ends (eq. 22)."""
     pelvis_trunk: float = 0.5
     """The pelvis's part of a balance correction (eqs 17-18)."""
-    relax_trunk: float = 1.0
+    relax_trunk: float = 0.45
     """rad/s at which the trunk and the head come upright."""
-    relax_ends: float = 0.45
-    """m/s at which free hands and feet sink."""
+    relax_ends: float = 0.28
+    """m/s at which free hands sink."""
+    relax_reach: float = 0.2
+    """m/s at which the pelvis comes back from a reach, and at which feet sink."""
     relax_pelvis: float = 0.0
     """m/s at which a released pelvis comes back; 0 leaves it where it was let go."""
     relax_time: float = 0.22
@@ -84,6 +86,7 @@ class State(NamedTuple):
     feet: Array  # (2, 4) world orientation of the feet where they stand
     feet_level: Array  # (2,)
     planted: Array  # (2,) 1 for a foot that holds its place
+    drifts: Array  # (2, 3) m/s and rad/s at which pelvis and trunk really moved
     support: Array  # (2,) 0..1, how much of each sole is in the support polygon
     heading: Array  # (2,) rad, rad/s
     roots: Array  # (4, 3) where the limbs hung
@@ -104,7 +107,7 @@ class State(NamedTuple):
 
 _SHAPES = {
     "points": (5, 3), "velocities": (5, 3), "turns": (2, 4), "spins": (2, 3), "swivels": (4,), "extra": (4,),
-    "extra_rates": (4,), "pushes": (4,), "feet": (2, 4), "feet_level": (2,), "planted": (2,), "support": (2,),
+    "extra_rates": (4,), "pushes": (4,), "feet": (2, 4), "feet_level": (2,), "planted": (2,), "drifts": (2, 3), "support": (2,),
     "heading": (2,), "roots": (4, 3), "goals": (5, 3), "goal_turns": (2, 4), "held": (12,), "targets": (5, 3),
     "target_turns": (2, 4), "offsets": (5, 3), "offset_rates": (5, 3), "turn_offsets": (2, 3),
     "turn_offset_rates": (2, 3), "pelvis_rest": (3,), "lift": (2,), "mode": (2,), "step": (32,),

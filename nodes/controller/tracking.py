@@ -92,11 +92,11 @@ def follow_turn(
 
 
 @kernel
-def keep_lean(turn: Array, heading: float, lead: Array) -> None:
+def keep_lean(turn: Array, heading: float, lead: Array, most_ahead: float) -> None:
     """Keep the trunk's orientation (4) within what a back can do, in place.
 
     ``lead`` (4) is the orientation that needs no allowance (a motion's trunk, or upright): limits count from
-    it where it is farther out.
+    it where it is farther out. ``most_ahead`` (rad) is how far it bends forward now.
     """
     swing, twist, face, v, w = np.empty(4), np.empty(4), np.empty(4), np.empty(3), np.empty(3)
     swing_twist_y(turn, swing, twist)
@@ -107,7 +107,7 @@ def keep_lean(turn: Array, heading: float, lead: Array) -> None:
     swing_twist_y(lead, swing, face)
     log(swing, w)
     lead_pitch, lead_roll = c * w[0] - s * w[2], s * w[0] + c * w[2]
-    ahead = max(FORWARD, lead_pitch) if pitch >= 0.0 else max(BACKWARD, -lead_pitch)
+    ahead = max(most_ahead, lead_pitch) if pitch >= 0.0 else max(BACKWARD, -lead_pitch)
     aside = max(SIDEWARD, abs(lead_roll))
     out = sqrt((pitch / ahead) ** 2 + (roll / aside) ** 2)
     if out > 1.0:
@@ -127,8 +127,8 @@ def keep_lean(turn: Array, heading: float, lead: Array) -> None:
 
 @kernel
 def reach_with_trunk(
-    wanted: Array, arm_root: Array, back: Array, turn: Array, heading: float, lead: Array, out_turn: Array,
-    rest: Array,
+    wanted: Array, arm_root: Array, back: Array, turn: Array, heading: float, lead: Array, most_ahead: float,
+    out_turn: Array, rest: Array,
 ) -> None:  # fmt: skip
     """Turn the trunk so that a shoulder moves by ``wanted`` (3, m) as far as it can (eq. 15).
 
@@ -144,7 +144,7 @@ def reach_with_trunk(
         to[k] = lever[k] + wanted[k]
     between(lever, to, q)
     mul(q, turn, out_turn)
-    keep_lean(out_turn, heading, lead)
+    keep_lean(out_turn, heading, lead, most_ahead)
     mul_inv(out_turn, turn, q)
     rotate(q, lever, moved)
     for k in range(3):

@@ -151,7 +151,7 @@ def corpus() -> tuple[Script, ...]:
         drag("right_foot", (-0.25, 0.12, 0.15), (-0.25, 0.0, 0.15), name="place a foot", release=1.5),
         drag("left_foot", (0.0, 2.5, 0.5), name="foot out of reach"),
         # Pelvis.
-        drag("pelvis", (0.0, -0.25, -0.03), name="duck", reachable=True),
+        drag("pelvis", (0.0, -0.22, -0.06), name="duck", reachable=True),
         drag("pelvis", (0.0, -0.80, 0.0), name="duck into the floor"),
         drag("pelvis", (0.05, -0.05, 0.04), name="sway", reachable=True),
         drag("pelvis", (0.6, 0.0, 0.0), name="pelvis out of its support"),
