@@ -3,7 +3,7 @@
 All little-endian: ``BKM1``, u32 vertices, triangles, colours, capsules, f32 step; f32[capsules, 9] of joint, start
 (3) m, radius, end (3), radius in the joint's frame; u8[colours, 3] sRGB; then columns of numbers. A column is told by
 the differences of its numbers in zigzag (2n, or -2n-1 below zero), as planes of bytes, the lowest first: positions x,
-y, z in steps (2 planes each), normals x, y, z of 127 (2), colour (2), joint (2), corners a, b, c of the triangles (3).
+y, z in steps (2 planes each), normals x, y, z of 127 (2), colour (2), joint (2), triangles' corners a, b, c (3).
 """
 
 import struct

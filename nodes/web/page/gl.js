@@ -38,7 +38,7 @@ export function link(gl, vertex, fragment) {
 
 /**
  * A buffer with its attributes, bound to the vertex array that is current.
- * @param {GL} gl @param {BufferSource} data
+ * @param {GL} gl @param {AllowSharedBufferSource} data
  * @param {{slot: number, size: number, type: number, normalized?: boolean, integer?: boolean, offset?: number}[]} layout
  * @param {number} stride bytes
  * @param {number} [usage]

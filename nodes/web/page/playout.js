@@ -10,17 +10,19 @@ const JUMP = 0.5; // m of the root between two samples: shown as a jump
 
 /** Tells the stage's time from this page's: the fastest messages say the offset, the late ones the delay. */
 export class Playout {
-  constructor() {
-    this.reset();
-  }
+  offset = Infinity;
+  delay = 0;
+  interval = 1000 / 60;
+  last = -Infinity;
+  /** @type {number[]} */
+  late = [];
 
   reset() {
     this.offset = Infinity;
     this.delay = 0;
     this.interval = 1000 / 60;
     this.last = -Infinity;
-    /** @type {number[]} */
-    this.late = [];
+    this.late.length = 0;
   }
 
   /**

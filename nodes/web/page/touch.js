@@ -120,7 +120,8 @@ export class Force {
 /**
  * Hear the fingers on an element.
  * @param {HTMLElement} element @param {Contacts} contacts @param {Surface} surface
- * @param {(touches: Touch[]) => boolean} [taken] says that another part takes these touches
+ * @param {(phase: "down" | "move" | "up" | "cancel", touches: Touch[]) => boolean} [taken] says that another part takes
+ *   these touches
  */
 export function listenTouch(element, contacts, surface, taken = () => false) {
   const force = new Force();
@@ -130,17 +131,22 @@ export function listenTouch(element, contacts, surface, taken = () => false) {
     ...ellipse(touch, surface.metres()),
     pressure: force.read(touch.force),
   });
+  // A stylus also sends TouchEvents; it is heard as a pen.
   /** @param {TouchEvent} event */
-  const here = (event) => {
+  const fingersOf = (event) => [...event.changedTouches].filter((t) => /** @type {any} */ (t).touchType !== "stylus");
+  /** @param {"down" | "move"} phase @returns {(event: TouchEvent) => void} */
+  const here = (phase) => (event) => {
     event.preventDefault();
-    const changed = [...event.changedTouches].filter((t) => /** @type {any} */ (t).touchType !== "stylus");
-    if (taken(changed)) return;
+    const changed = fingersOf(event);
+    if (taken(phase, changed)) return;
     for (const touch of changed) contacts.put(`t${touch.identifier}`, read(touch));
   };
   /** @param {"up" | "cancel"} how @returns {(event: TouchEvent) => void} */
   const away = (how) => (event) => {
     event.preventDefault();
-    for (const touch of event.changedTouches) {
+    const changed = fingersOf(event);
+    if (taken(how, changed)) return;
+    for (const touch of changed) {
       const key = `t${touch.identifier}`;
       if (contacts.live.has(key) && how === "up") contacts.put(key, read(touch));
       contacts.end(key, how);
@@ -148,14 +154,14 @@ export function listenTouch(element, contacts, surface, taken = () => false) {
   };
   if (hasTouchEvents()) {
     const active = {passive: false};
-    element.addEventListener("touchstart", here, active);
-    element.addEventListener("touchmove", here, active);
+    element.addEventListener("touchstart", here("down"), active);
+    element.addEventListener("touchmove", here("move"), active);
     element.addEventListener("touchend", away("up"), active);
     element.addEventListener("touchcancel", away("cancel"), active);
   } else listenPointers(element, contacts, surface, force);
 }
 
-/** @param {typeof globalThis} [scope] */
+/** @param {{navigator?: {maxTouchPoints: number}}} [scope] */
 export function hasTouchEvents(scope = globalThis) {
   return "TouchEvent" in scope && ("ontouchstart" in scope || (scope.navigator?.maxTouchPoints ?? 0) > 0);
 }

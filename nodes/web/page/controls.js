@@ -1,0 +1,247 @@
+// The stage's controls: ways of playing, reset, takes with their timeline, settings and numbers.
+
+import {attempt, byId, make, toast} from "./dom.js";
+import {showParams} from "./params.js";
+import {show} from "./stats.js";
+import {clockText, lengthOf, Player, readTrack} from "./takes.js";
+
+/** @typedef {import("./connection.js").Connection} Connection */
+
+const HELP = {
+  "Touch": "Drag any part of the figure. More fingers hold more parts; a second finger may move another part.",
+  "Touch with a mouse": "Drag with the left button. With Shift the finger stays where you let go; press on it to drag it again, Shift-click takes it away, Escape all. The wheel presses harder.",
+  "Pen": "Draw on the ground where the figure shall walk. Tilt leans it, pressure makes it duck, lifting and landing jumps.",
+  "Pen with a mouse": "The left button is the pen's tip. The wheel sets the pressure, with Shift how upright the pen is, with Alt where it leans.",
+  "Hands": "Sliders and keys 1 to 5 (right) and 6 to 0 (left) bend fingers, with Shift they stretch. Drag on the stage moves the right hand, the wheel moves it to and fro. Choose an action in the plane, double click performs it.",
+};
+const HINTS = {
+  touch: "Drag the figure. Shift leaves a finger down, the wheel presses harder.",
+  pen: "Draw a path on the ground. The wheel sets pressure; Shift or Alt and wheel tilt the pen.",
+  hands: "Drag moves the right hand. Double click in the plane performs.",
+};
+
+/** Ways of playing. @returns {{way(): string, choose(way: string): void}} @param {(way: string) => void} changed */
+export function ways(changed) {
+  const box = byId("ways", HTMLFieldSetElement), hint = byId("hint", HTMLElement);
+  const choose = (/** @type {string} */ way) => {
+    document.body.dataset.way = way;
+    hint.textContent = HINTS[/** @type {keyof typeof HINTS} */ (way)] ?? "";
+    hint.classList.remove("away");
+    for (const one of box.querySelectorAll("input")) one.checked = one.value === way;
+    sessionStorage.setItem("bunraku.way", way);
+    changed(way);
+  };
+  box.addEventListener("change", (event) => choose(/** @type {HTMLInputElement} */ (event.target).value));
+  return {way: () => document.body.dataset.way ?? "touch", choose};
+}
+
+/** The hint goes when someone plays. */
+export function hideHint() {
+  byId("hint", HTMLElement).classList.add("away");
+}
+
+/** @param {"connecting" | "open" | "lost" | "refused"} state @param {string} text */
+export function showState(state, text) {
+  const box = byId("status", HTMLElement), lost = byId("lost", HTMLElement);
+  box.dataset.state = state;
+  const words = {connecting: "connecting", open: "connected", lost: "connection lost", refused: "not let in"};
+  const [word, line] = [box.querySelector("span"), lost.querySelector("span")];
+  if (word) word.textContent = words[state];
+  const title = lost.querySelector("b");
+  if (state === "open") lost.hidden = true;
+  if (state === "lost" || state === "refused") {
+    lost.hidden = false;
+    if (title) title.textContent = state === "lost" ? "The connection is lost" : "Not let in";
+    if (line) line.textContent = state === "lost" ? "Trying again…" : text;
+  }
+}
+
+/**
+ * Takes: begin, end, choose, play, scrub, save.
+ * @param {Connection} connection @param {() => string} figure
+ */
+export function takes(connection, figure) {
+  const player = new Player();
+  const button = byId("take", HTMLButtonElement), list = byId("takes", HTMLSelectElement);
+  const play = byId("play", HTMLButtonElement), scrub = byId("scrub", HTMLInputElement);
+  const clock = byId("clock", HTMLOutputElement), save = byId("download", HTMLSelectElement);
+  let began = 0;
+  let recording = "";
+
+  const enable = () => {
+    play.disabled = scrub.disabled = !player.track;
+    save.disabled = list.value === "";
+  };
+  const refresh = async () => {
+    const {takes: found} = await connection.call("take.list");
+    const chosen = list.value;
+    list.replaceChildren(make("option", {value: "", textContent: "Live"}), ...found
+      .filter((/** @type {{name: string}} */ one) => one.name !== recording)
+      .map((/** @type {{name: string}} */ {name}) => {
+        const [, date, time] = /take-(\d{8})-(\d{6})/.exec(name) ?? ["", "", ""];
+        const label = `${date.slice(4, 6)}-${date.slice(6)} ${time.slice(0, 2)}:${time.slice(2, 4)}:${time.slice(4)}`;
+        return make("option", {value: name, textContent: label});
+      }));
+    list.value = chosen;
+    if (list.selectedIndex < 0) list.value = "";
+    enable();
+  };
+  const choose = async () => {
+    player.load(null);
+    enable();
+    if (!list.value) return;
+    const {url} = await connection.call("take.track", {name: list.value, figure: figure()});
+    const answer = await fetch(url);
+    if (!answer.ok) throw new Error("the take did not come");
+    player.load(readTrack(await answer.arrayBuffer()));
+    enable();
+  };
+  /** @param {string} name of the take that is being recorded, empty for none */
+  const mark = (name) => {
+    if (name && !recording) began = performance.now();
+    recording = name;
+    button.setAttribute("aria-pressed", String(name !== ""));
+    const label = button.querySelector("span");
+    if (label) label.textContent = name ? "Stop" : "Take";
+  };
+  button.onclick = () => attempt(async () => {
+    if (!recording) {
+      list.value = "";
+      await choose();
+      mark((await connection.call("take.start")).name);
+      return;
+    }
+    const {name} = await connection.call("take.stop");
+    mark("");
+    await refresh();
+    list.value = name;
+    await choose();
+  });
+  list.onchange = () => attempt(choose);
+  play.onclick = () => player.toggle();
+  scrub.oninput = () => {
+    player.playing = false;
+    player.seek(Number(scrub.value));
+  };
+  save.onchange = () => attempt(async () => {
+    const format = save.value;
+    save.value = "";
+    if (!format || !list.value) return;
+    if (format !== "mcap") toast(`Making the ${format} file…`);
+    const {url} = await connection.call("take.file", {name: list.value, format, figure: figure()});
+    const link = make("a", {href: url, download: ""});
+    document.body.append(link);
+    link.click();
+    link.remove();
+  });
+  return {
+    player,
+    refresh,
+    mark,
+    async ask() {
+      const status = await connection.call("take.status");
+      button.disabled = !status.recorder;
+      button.title = status.recorder ? "" : status.why;
+      mark(status.recording ? status.name : "");
+      await refresh();
+    },
+    /** Show where the timeline stands. @param {number} now */
+    show(now) {
+      const shown = player.playing ? "❚❚" : "▶";
+      if (play.textContent !== shown) {
+        play.textContent = shown;
+        play.setAttribute("aria-label", player.playing ? "Hold the take" : "Play the take");
+      }
+      if (player.track && (document.activeElement !== scrub || player.playing)) scrub.value = String(player.share);
+      const time = recording ? now - began : player.track ? player.time : 0;
+      const text = clockText(time);
+      if (clock.textContent !== text) clock.textContent = text;
+      scrub.ariaValueText = player.track ? `${text} of ${clockText(lengthOf(player.track))}` : text;
+    },
+  };
+}
+
+/** Light or dark, as chosen or as the system has it. @param {(dark: boolean) => void} apply */
+export function theme(apply) {
+  const select = byId("theme", HTMLSelectElement), system = matchMedia("(prefers-color-scheme: dark)");
+  select.value = localStorage.getItem("bunraku.theme") ?? "auto";
+  const set = () => {
+    const dark = select.value === "dark" || (select.value === "auto" && system.matches);
+    document.documentElement.dataset.look = dark ? "dark" : "light";
+    apply(dark);
+  };
+  select.onchange = () => {
+    localStorage.setItem("bunraku.theme", select.value);
+    set();
+  };
+  system.addEventListener("change", set);
+  set();
+}
+
+/**
+ * The settings' drawer.
+ * @param {Connection} connection @param {import("./calibrate.js").Calibration} calibration
+ */
+export function drawer(connection, calibration) {
+  const box = byId("drawer", HTMLElement), button = byId("settings", HTMLButtonElement);
+  /** @param {boolean} open */
+  const set = (open) => {
+    box.hidden = !open;
+    button.setAttribute("aria-expanded", String(open));
+    if (open) {
+      attempt(() => showParams(connection));
+      byId("closedrawer", HTMLButtonElement).focus();
+    } else button.focus();
+  };
+  button.onclick = () => set(Boolean(box.hidden));
+  byId("closedrawer", HTMLButtonElement).onclick = () => set(false);
+  box.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") set(false);
+  });
+  byId("help", HTMLElement).replaceChildren(...Object.entries(HELP).flatMap(([name, text]) =>
+    [make("dt", {textContent: name}), make("dd", {textContent: text})]));
+  byId("fullscreen", HTMLButtonElement).onclick = () => attempt(async () => {
+    if (document.fullscreenElement) await document.exitFullscreen();
+    else await document.documentElement.requestFullscreen();
+  });
+  const width = byId("cardwidth", HTMLInputElement), card = byId("card", HTMLElement);
+  const text = byId("cardtext", HTMLOutputElement);
+  const shown = () => {
+    width.value = String(calibration.pixels);
+    card.style.setProperty("--card", `${calibration.pixels}px`);
+    text.textContent = calibration.known ? `${(0.0254 / calibration.metres).toFixed(0)} pixels an inch` : "not measured";
+  };
+  width.oninput = () => {
+    calibration.card(Number(width.value));
+    shown();
+  };
+  byId("forgetcard", HTMLButtonElement).onclick = () => {
+    calibration.forget();
+    shown();
+  };
+  shown();
+  return {get open() { return !box.hidden; }};
+}
+
+/**
+ * Numbers on the bar and in the settings.
+ * @param {import("./stats.js").Stats} stats @param {Connection} connection @param {number} pages
+ */
+export function showNumbers(stats, connection, pages) {
+  const delay = stats.delay.percentile(0.5);
+  byId("numbers", HTMLOutputElement).textContent =
+    `${Number.isFinite(delay) ? `${show(delay)} ms` : "– ms"} · ${show(stats.rate)} fps`;
+  const box = byId("measured", HTMLElement);
+  if (!box.offsetParent) return;
+  const rows = {
+    "hand to picture": `${show(delay)} ms, p99 ${show(stats.delay.percentile(0.99))} ms`,
+    "frames a second": show(stats.rate, 1),
+    "script a frame": `${show(stats.script.percentile(0.5), 2)} ms, p95 ${show(stats.script.percentile(0.95), 2)} ms`,
+    "draw calls": String(stats.calls),
+    "received": `${show(stats.bytesPerSecond / 1000, 1)} kB/s`,
+    "round trip": `${show(connection.roundTrip, 1)} ms`,
+    "pages": String(pages),
+  };
+  box.replaceChildren(...Object.entries(rows).flatMap(([name, value]) =>
+    [make("dt", {textContent: name}), make("dd", {textContent: value})]));
+}

@@ -1,0 +1,157 @@
+// What is drawn: figures as they arrive, the camera, overlays, and a take's ghost when it is looked at.
+
+import {Figure, FigurePainter} from "./figure.js";
+import {drawn} from "./gl.js";
+import {Ground, LOOKS} from "./ground.js";
+import {Ink} from "./ink.js";
+import {mixCameras, mixPoses, Playout, Track} from "./playout.js";
+import {DEFAULT_CAMERA, letterbox, viewOf} from "./view.js";
+import {CAMERA, OVERLAY, POSE, readCamera, readMesh, readOverlay, readPose} from "./wire.js";
+
+const SLOW_FRAME = 24, FAST_FRAME = 17.5; // ms between two frames
+const LEAST_SCALE = 0.5;
+
+/** @typedef {{time: number, root: Float32Array, rotations: Float32Array}} TakeFrame */
+
+/** All that arrives for the picture, and the picture of it. */
+export class Stage {
+  /** @param {HTMLCanvasElement} canvas */
+  constructor(canvas) {
+    this.canvas = canvas;
+    const smooth = new URLSearchParams(location.search).get("aa") !== "0";
+    const gl = canvas.getContext("webgl2", {antialias: smooth, alpha: false, powerPreference: "high-performance"});
+    if (!gl) throw new Error("This browser has no WebGL 2: the figure cannot be drawn.");
+    this.gl = gl;
+    /** @type {Map<number, Figure>} */
+    this.figures = new Map();
+    /** @type {Map<number, Track<import("./wire.js").Pose>>} */
+    this.poses = new Map();
+    /** @type {Track<import("./wire.js").Camera>} */
+    this.cameras = new Track();
+    /** @type {Map<string, import("./wire.js").Overlay>} */
+    this.overlays = new Map();
+    this.playout = new Playout();
+    this.camera = DEFAULT_CAMERA;
+    /** The newest pose that was drawn, and when. */
+    this.shown = {seq: -1, echo: NaN, stamp: 0};
+    /** @type {TakeFrame | null} */
+    this.replay = null;
+    this.look = LOOKS.light;
+    this.scale = 1;
+    this.pace = 1000 / 60;
+    this.last = 0;
+    this.figure = 0;
+    /** Where panels are drawn: shares of the picture. */
+    this.panel = {x: 0.015, y: 0.68, width: 0.3, height: 0.3};
+    /** @type {(() => void)[]} */
+    this.wishes = [];
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => this.build());
+    this.build();
+  }
+
+  /** Makes everything that lives on the graphics processor. */
+  build() {
+    this.painter = new FigurePainter(this.gl);
+    this.ground = new Ground(this.gl);
+    this.ink = new Ink(this.gl);
+    for (const figure of this.figures.values()) figure.upload(this.gl);
+  }
+
+  /** @param {import("./figure.js").Skeleton & {index: number}} skeleton */
+  async dress(skeleton) {
+    if (this.figures.get(skeleton.index)?.skeleton.hash === skeleton.hash) return;
+    const answer = await fetch(skeleton.mesh);
+    if (!answer.ok) throw new Error("the figure's mesh did not come");
+    this.figures.set(skeleton.index, new Figure(this.gl, skeleton, readMesh(await answer.arrayBuffer())));
+  }
+
+  /** @param {import("./wire.js").Part[]} parts @param {number} now */
+  take(parts, now) {
+    for (const {kind, figure, view} of parts) {
+      if (kind === POSE) {
+        const pose = readPose(view);
+        if (figure === this.figure) this.playout.heard(pose.stamp, now);
+        const track = this.poses.get(figure) ?? new Track();
+        this.poses.set(figure, track);
+        track.push(pose);
+      } else if (kind === CAMERA && figure === 0) this.cameras.push(readCamera(view));
+      else if (kind === OVERLAY) {
+        const overlay = readOverlay(view);
+        this.overlays.set(overlay.topic, overlay);
+      }
+    }
+  }
+
+  /** The picture's rectangle in the page's pixels. @returns {import("./view.js").Rect} */
+  picture() {
+    const box = this.canvas.getBoundingClientRect();
+    const inner = letterbox(this.camera.aspect, box.width, box.height);
+    return {...inner, left: box.left + inner.left, top: box.top + inner.top};
+  }
+
+  /** Draw one frame. @param {number} now ms */
+  draw(now) {
+    this.keepPace(now);
+    const time = this.playout.at(now);
+    const seen = this.cameras.around(this.playout.offset === Infinity ? Infinity : time);
+    if (seen) this.camera = mixCameras(seen);
+    for (const [index, figure] of this.figures) {
+      const around = this.poses.get(index)?.around(time);
+      if (this.replay && index === this.figure) figure.pose(this.replay.root, this.replay.rotations);
+      else if (around) {
+        const pose = mixPoses(around);
+        figure.pose(pose.root, pose.rotations);
+        if (index === this.figure) this.shown = {seq: pose.seq, echo: pose.echo, stamp: pose.stamp};
+      }
+    }
+    this.paint();
+  }
+
+  paint() {
+    const {gl, canvas, ground, painter, ink} = this;
+    if (!ground || !painter || !ink || gl.isContextLost()) return;
+    const ratio = Math.min(devicePixelRatio || 1, 2) * this.scale;
+    const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+    const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const {aspect} = this.camera, rect = letterbox(aspect, width, height), view = viewOf(this.camera);
+    const figures = [...this.figures.values()];
+    ground.cast(figures);
+    gl.viewport(rect.left, height - rect.top - rect.height, rect.width, rect.height);
+    gl.disable(gl.SCISSOR_TEST);
+    const edge = this.look.back.map((v) => v * 0.94);
+    gl.clearColor(edge[0], edge[1], edge[2], 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(Math.round(rect.left), Math.round(height - rect.top - rect.height), Math.round(rect.width), Math.round(rect.height));
+    gl.clearColor(this.look.back[0], this.look.back[1], this.look.back[2], 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    for (const figure of figures) painter.draw(figure, view);
+    ground.draw(view, this.look);
+    const parents = this.figures.get(this.figure)?.skeleton.parents ?? [];
+    ink.draw(this.primitives(), view, aspect, this.panel, parents);
+    this.calls = drawn.reset();
+    for (const wish of this.wishes.splice(0)) wish();
+  }
+
+  * primitives() {
+    for (const overlay of this.overlays.values()) yield* overlay.primitives;
+  }
+
+  /** A slow machine gets fewer pixels rather than fewer frames. @param {number} now */
+  keepPace(now) {
+    const gap = now - this.last;
+    this.last = now;
+    if (!(gap > 0 && gap < 500)) return;
+    this.pace += 0.03 * (gap - this.pace);
+    if (this.pace > SLOW_FRAME && this.scale > LEAST_SCALE) {
+      this.scale = Math.max(LEAST_SCALE, this.scale * 0.9);
+      this.pace = 20;
+    } else if (this.pace < FAST_FRAME && this.scale < 1) {
+      this.scale = Math.min(1, this.scale * 1.02);
+      this.pace = FAST_FRAME;
+    }
+  }
+}
