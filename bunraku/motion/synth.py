@@ -45,6 +45,10 @@ _LOCOMOTION: tuple[tuple[str, Gait], ...] = (
     ("walk_ducked", walking(0.85, duck=0.80)),
     ("run_bent", running(2.6, bend=20 * DEG)),
     ("run_ducked", running(2.6, duck=0.55)),
+    ("walk_crouched_left", walking(0.9, tilt=18 * DEG, bend=24 * DEG, duck=0.55)),
+    ("walk_crouched_right", walking(0.9, tilt=-18 * DEG, bend=24 * DEG, duck=0.55)),
+    ("run_tilt_left", running(2.6, tilt=14 * DEG)),
+    ("run_tilt_right", running(2.6, tilt=-14 * DEG)),
     ("in_place_ducked", walking(0.0, duck=0.75)),
 )
 

@@ -2,8 +2,9 @@
 
 ``w(p) = A [p, 1] + B R(p)``: the linear part by least squares, the rest by cubic B-splines about the examples.
 Parameters are z-scored first. With the constant term the weights sum to one everywhere and reproduce the parameters
-themselves, so whatever is linear in them comes out exactly. Weights may be negative; asked beyond the examples, a
-parameter is drawn back to their hull and a tenth of its size.
+themselves, so whatever is linear in them comes out exactly. Weights may be negative. What is asked beyond the
+examples is drawn back to their hull, widened by a tenth of its size: first the posture gives way, toward what
+is usual at that speed, then the turn, and the speed last.
 """
 
 from collections.abc import Sequence
@@ -33,6 +34,7 @@ class WeightTable(NamedTuple):
     radial: Array  # (n, n)
     faces: Array  # (h, m + 1) outward normals and offsets, scaled space, 10 % out
     middle: Array  # (m,) of the hull, scaled
+    stages: Array  # (s, m, m + 1) affine maps of a place to ever more moderate ones, scaled
 
 
 @kernel
@@ -47,24 +49,54 @@ def bspline(x: float) -> float:
 
 
 @kernel
+def excess(faces: Array, p: Array) -> float:
+    """How far a place (m) lies outside of the faces (h, m + 1); <= 0 inside."""
+    m = p.shape[0]
+    worst = -1e300
+    for f in range(faces.shape[0]):
+        d = faces[f, m]
+        for k in range(m):
+            d += faces[f, k] * p[k]
+        worst = max(worst, d)
+    return worst
+
+
+@kernel
 def weights_into(table: WeightTable, place: Array, out: Array) -> float:
     """Weights (n) of the examples at a place (m) of the blending space; returns how far it was drawn back (0..1)."""
     n, m = table.points.shape
     p = np.empty(m)
     for k in range(m):
         p[k] = (place[k] - table.center[k]) * table.scale[k]
-    # Toward the middle, until inside all (widened) faces.
-    keep = 1.0
-    for f in range(table.faces.shape[0]):
-        inside = table.faces[f, m]
-        here = table.faces[f, m]
+    # Drawn back in stages until inside all (widened) faces.
+    back = 0.0
+    q = np.empty(m)
+    for stage in range(table.stages.shape[0] + 1):
+        if excess(table.faces, p) <= 0.0:
+            break
+        last = stage == table.stages.shape[0]
         for k in range(m):
-            inside += table.faces[f, k] * table.middle[k]
-            here += table.faces[f, k] * p[k]
-        if here > 0.0:
-            keep = min(keep, -inside / max(here - inside, 1e-12))
-    for k in range(m):
-        p[k] = table.middle[k] + keep * (p[k] - table.middle[k])
+            if last:
+                q[k] = table.middle[k]
+            else:
+                q[k] = table.stages[stage, k, m]
+                for j in range(m):
+                    q[k] += table.stages[stage, k, j] * p[j]
+        keep = 0.0
+        if excess(table.faces, q) <= 0.0:
+            keep = 1.0
+            for f in range(table.faces.shape[0]):
+                inside, here = table.faces[f, m], table.faces[f, m]
+                for k in range(m):
+                    inside += table.faces[f, k] * q[k]
+                    here += table.faces[f, k] * p[k]
+                if here > 0.0:
+                    keep = min(keep, -inside / max(here - inside, 1e-12))
+        back = max(back, 1.0 - keep)
+        for k in range(m):
+            p[k] = q[k] + keep * (p[k] - q[k])
+        if keep > 0.0:
+            break
     near = np.empty(n)
     for i in range(n):
         d = 0.0
@@ -78,7 +110,7 @@ def weights_into(table: WeightTable, place: Array, out: Array) -> float:
         for j in range(n):
             w += table.radial[i, j] * near[j]
         out[i] = w
-    return 1.0 - keep
+    return back
 
 
 def weight_table(parameters: Sequence[str], values: ArrayLike, *, beyond: float = BEYOND) -> WeightTable:
@@ -107,8 +139,61 @@ def weight_table(parameters: Sequence[str], values: ArrayLike, *, beyond: float 
     # rest = radial @ basis^T, with basis[i, j] the j-th function at example i
     radial = np.linalg.lstsq(basis, rest.T, rcond=1e-10)[0].T if n > 1 else np.zeros((1, 1))
     faces = _faces(points, beyond)
+    neutral = neutral_fit(parameters, place)
+    stages = _stages(parameters, neutral, center, scale)
     return WeightTable(center, scale, points, 1.0 / alpha, np.ascontiguousarray(linear),
-                       np.ascontiguousarray(radial), faces, points.mean(axis=0))  # fmt: skip
+                       np.ascontiguousarray(radial), faces, points.mean(axis=0), stages)  # fmt: skip
+
+
+POSTURE = ("tilt", "bend", "duck")
+_NEAR = {"tilt": 0.2, "bend": 0.26, "duck": 0.36}
+
+
+def neutral_fit(parameters: Sequence[str], place: Array) -> Array:
+    """(m, m + 1) an affine map of a place to the one with the posture that is usual there.
+
+    Usual is what the examples without a marked posture show, fitted linearly in the other parameters.
+    """
+    n, m = place.shape
+    out = np.eye(m, m + 1)
+    posture = [k for k, name in enumerate(parameters) if name in POSTURE]
+    others = [k for k, name in enumerate(parameters) if name not in POSTURE]
+    if not posture:
+        return out
+    limits = np.array([_NEAR[parameters[k]] for k in posture])
+    marked = np.max(np.abs(place[:, posture]) / limits, axis=1)
+    plain = marked <= 1.0
+    if not plain.any():
+        plain = marked <= marked.min()
+    design = np.column_stack([place[plain][:, others], np.ones(int(plain.sum()))])
+    fit = np.linalg.pinv(design, rcond=1e-3) @ place[plain][:, posture]
+    for column, k in enumerate(posture):
+        out[k] = 0.0
+        out[k, others] = fit[:-1, column]
+        out[k, m] = fit[-1, column]
+        if parameters[k] == "tilt":  # leaning into curves aside, upright
+            out[k, m] = 0.0
+            out[k, [j for j in others if parameters[j] != "turn"]] = 0.0
+    return out
+
+
+def _stages(parameters: Sequence[str], neutral: Array, center: Array, scale: Array) -> Array:
+    """`WeightTable.stages`: the usual posture; then also without turning."""
+    m = len(center)
+    maps = []
+    if any(name in POSTURE for name in parameters):
+        maps.append(neutral)
+    if "turn" in parameters:
+        straight = neutral.copy()
+        turn = list(parameters).index("turn")
+        straight[:, turn] = 0.0
+        maps.append(straight)
+    out = np.zeros((len(maps), m, m + 1))
+    width = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
+    for row, plain in zip(out, maps, strict=True):
+        row[:, :m] = scale[:, None] * plain[:, :m] * width[None, :]
+        row[:, m] = scale * (plain[:, :m] @ center + plain[:, m] - center)
+    return out
 
 
 def _faces(points: Array, beyond: float) -> Array:
@@ -144,12 +229,18 @@ class Weights:
     def __init__(self, parameters: Sequence[str], values: ArrayLike, *, beyond: float = BEYOND) -> None:
         self.parameters = tuple(parameters)
         self.table = weight_table(parameters, values, beyond=beyond)
+        self._neutral = neutral_fit(self.parameters, embed(self.parameters, np.atleast_2d(np.asarray(values, float))))
         self._out = np.empty(len(self.table.points))
 
     def __call__(self, asked: ArrayLike) -> Array:
         """(n,) weights for parameter values (m,); they sum to one."""
         weights_into(self.table, embed(self.parameters, asked), self._out)
         return self._out.copy()
+
+    def neutral(self, asked: ArrayLike) -> Array:
+        """(m,) the parameters with the usual posture in place of tilt, bend and duck."""
+        place = np.asarray(asked, dtype=np.float64)
+        return np.asarray(self._neutral[:, :-1] @ place + self._neutral[:, -1], dtype=np.float64)
 
     def within(self, asked: ArrayLike) -> bool:
         """Whether the values (m,) lie within the hull of the examples and its margin."""
