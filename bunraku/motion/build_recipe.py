@@ -12,7 +12,7 @@ from bunraku.motion.motionset import CANONICAL, EVENTS, MODULES
 HEAD = """\
 # Recipe of a motion set, found by `bunraku motion build` and read again by `--recipe`.
 # Take out a [[piece]], change its times, or put one in; then build again: nothing is searched then.
-# file: below the folder. keys: seconds in the file (with `loop`: in that loop, repeated), at the events of the module.
+# file: below the folder. keys: seconds in the file (with loop: in it, repeated), at the events of the module.
 # mirrored: left and right exchanged. tilt, bend: degrees added, left and forward. duck: added, in 0.4 leg lengths.
 # angle, distance: carried that way (degrees to the left, metres). march: feet lifted higher, in leg lengths.
 """

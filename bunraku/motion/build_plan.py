@@ -1,0 +1,531 @@
+"""Find the pieces of a motion set in captures: cycles, stands, steps, turns and jumps; fill what is missing."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bunraku.figure.skeleton import Skeleton, SkeletonError
+from bunraku.motion.analysis import headings, hips, measure
+from bunraku.motion.analysis_contacts import runs
+from bunraku.motion.analysis_flaws import flaws
+from bunraku.motion.analysis_gait import gait_cycles, jump_keys, step_keys, swings
+from bunraku.motion.build import Source, example_of, load_source, renamed
+from bunraku.motion.build_edit import closed, gap, repeated
+from bunraku.motion.build_recipe import Piece, Recipe, RecipeError
+from bunraku.motion.clip import ClipError
+from bunraku.motion.files import find_captures
+from bunraku.motion.motionset import MotionSetError
+
+Array = NDArray[np.float64]
+Report = Callable[[float, float, str], None]
+
+BAD = ("flip", "spike", "fast", "under", "sitting", "flat", "sliding")
+"""Kinds of flaws that keep a piece out of the set; a floor that is off or not level is mended."""
+
+
+@dataclass(frozen=True)
+class PlanLimits:
+    """What counts as a good piece; angles rad."""
+
+    cycle_gap: float = 0.16  # between a cycle's first and last pose, root mean square over the joints
+    loop: tuple[float, float] = (0.6, 2.2)  # s that a loop found by its poses may take
+    straight: float = 0.35  # rad/s of turn, below which a walk is straight
+    off_course: float = 0.6  # rad between heading and way gone, beyond which it is no walk ahead
+    stand_speed: float = 0.12  # m/s
+    stand_seconds: tuple[float, float] = (1.2, 4.0)
+    step: tuple[float, float] = (0.12, 1.0)  # m
+    step_turn: float = 0.45
+    turn: tuple[float, float] = (0.6, 4.0)
+    turn_way: float = 0.65  # m
+    jump_seconds: float = 2.6
+    jump_together: float = 0.13  # s between the feet's leaving the ground, and between their coming back
+    jump_rise: float = 0.12  # m of the hips
+    jump_turn: float = 0.6  # rad
+    move_bend: float = 0.75  # rad, beyond which a step or turn is something else, and likewise
+    move_duck: float = 0.55
+    move_foot: float = 0.40  # m over the ground
+    jump_up: float = 0.35  # m that a jump straight up may go along the ground
+    jump_sway: float = 0.7  # rad from straight ahead
+    longest: float = 8.0  # s of a file that steps and turns are looked for in
+
+
+LIMITS = PlanLimits()
+COUNTS = {"locomotion": 16, "step_left": 10, "step_right": 10, "jump_forward": 6, "jump_back": 4, "jump_left": 6,
+          "jump_right": 6, "jump_up": 3, "turn_left": 4, "turn_right": 4}  # fmt: skip
+"""Examples that a module should have: table 2 of the paper, and some more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A candidate with its measured values."""
+
+    piece: Piece
+    values: Array
+    quality: float  # smaller is better
+
+
+@dataclass
+class Plan:
+    """What came out: the recipe, and a line about each file or gap that is worth one."""
+
+    recipe: Recipe
+    notes: list[str] = field(default_factory=list)
+
+
+def plan(folder: Path, skeleton: Skeleton, name: str | None = None, report: Report | None = None) -> Plan:
+    """Look through every capture below ``folder`` and put a recipe together.
+
+    Raises:
+        MotionSetError: there is no capture, or none that can be read.
+    """
+    files = find_captures(folder)
+    if not files:
+        raise MotionSetError(f"{folder}: no .bvh or .amc file below it")
+    notes: list[str] = []
+    found: dict[str, list[Found]] = {}
+    read = 0
+    for number, path in enumerate(files):
+        label = path.relative_to(folder).as_posix()
+        if report is not None:
+            report(number, len(files), label)
+        try:
+            source = load_source(folder, label, skeleton)
+            read += 1
+            for module, candidate in _candidates(source, notes):
+                found.setdefault(module, []).append(candidate)
+        except (ClipError, SkeletonError) as error:
+            notes.append(f"{label}: left out: {error}")
+    if not read:
+        raise MotionSetError(f"{folder}: no file could be used; the first: {notes[0]}")
+    pieces = _chosen(found, notes)
+    if not pieces:
+        raise MotionSetError(f"{folder}: no walk, stand, step, turn or jump was found in {read} files")
+    return Plan(Recipe(name or folder.resolve().name, renamed(pieces)), notes)
+
+
+def _candidates(source: Source, notes: list[str]) -> Iterator[tuple[str, Found]]:
+    """(module, candidate) of everything that a file holds."""
+    bad = [flaw for flaw in flaws(source.clip, source.flags) if flaw.kind in BAD]
+    notes += [f"{source.file}: {flaw.text}" for flaw in bad]
+    frames = [flaw.frame for flaw in bad if flaw.frame >= 0]
+    if any(flaw.frame < 0 for flaw in bad) or len(source.clip) < 20:
+        return
+    stem = Path(source.file).stem
+    tries: list[Piece] = []
+    flown = _jumps(source, stem)
+    tries += flown
+    walks = [] if flown and source.clip.duration < LIMITS.longest else _cycles(source, stem)
+    tries += walks
+    if source.clip.duration <= LIMITS.longest and not flown:
+        tries += _moves(source, stem)
+    tries += _stands(source, stem)
+    for piece in tries:
+        if _spoiled(piece, source, frames):
+            continue
+        try:
+            example = example_of(piece, source)
+        except (RecipeError, MotionSetError, ClipError):
+            continue
+        clip = example.clip
+        if piece.cycle:
+            frames_gap = _piece_gap(piece, source)
+            if frames_gap > LIMITS.cycle_gap:
+                continue
+            yield piece.module, Found(piece, example.values, frames_gap)
+        else:
+            m = measure(clip, example.contacts)
+            busy = 0.1 * (m.left_hand_speed + m.right_hand_speed) + 0.3 * m.bend_max + 0.1 * abs(clip.duration - 1.4)
+            yield piece.module, Found(piece, example.values, busy)
+
+
+def _spoiled(piece: Piece, source: Source, frames: Sequence[int]) -> bool:
+    """Whether a flaw lies within the piece."""
+    times = piece.loop or (piece.keys[0], piece.keys[-1])
+    return any(times[0] - 0.05 <= frame / source.clip.fps <= times[-1] + 0.05 for frame in frames)
+
+
+def _piece_gap(piece: Piece, source: Source) -> float:
+    times = piece.loop or (piece.keys[0], piece.keys[-1])
+    first, last = (min(round(t * source.clip.fps), len(source.clip) - 1) for t in (times[0], times[-1]))
+    return gap(source.clip, first, last)
+
+
+def _cycles(source: Source, stem: str) -> list[Piece]:
+    """Walks and runs: cycles from strike to strike, else a loop found by its poses."""
+    out = []
+    for mirrored in (False, True):
+        here = source.mirrored() if mirrored else source
+        for number, cycle in enumerate(gait_cycles(here.clip, here.flags)):
+            first, last = (round(t * here.clip.fps) for t in (cycle.keys[0], cycle.keys[-1]))
+            if _ahead(here, first, last):
+                label = f"{stem}{'_mirrored' if mirrored else ''}{f'_{number + 1}' if number else ''}"
+                out.append(Piece("locomotion", label, source.file, cycle.keys, mirrored=mirrored))
+    if any(not piece.mirrored and _piece_gap(piece, source) <= LIMITS.cycle_gap for piece in out):
+        return out
+    loop = _best_loop(source)
+    if loop is None:
+        return out
+    first, last = loop
+    if not _ahead(source, first, last):
+        return out
+    fps = source.clip.fps
+    twice = repeated(closed(source.clip.slice(first, last + 1)))
+    flags = np.concatenate([source.flags[first : last + 1], source.flags[first + 1 : last + 1]])
+    inside = gait_cycles(twice, flags)
+    if inside:
+        out.insert(0, Piece("locomotion", stem, source.file, inside[0].keys, loop=(first / fps, last / fps)))
+    return out
+
+
+def _ahead(source: Source, first: int, last: int) -> bool:
+    """Whether the body goes the way that it faces (backward and sideways walks are no examples of the module)."""
+    middle = hips(source.clip)[first : last + 1]
+    heading = headings(source.clip)[first : last + 1]
+    steps = np.diff(middle[:, [0, 2]], axis=0)
+    facing = np.stack([np.sin(heading[:-1]), np.cos(heading[:-1])], axis=1)
+    along = float(np.sum(steps * facing))
+    across = float(np.abs(np.sum(steps[:, 0] * facing[:, 1] - steps[:, 1] * facing[:, 0])))
+    return along > 0.1 and np.arctan2(across, along) < LIMITS.off_course
+
+
+def _best_loop(source: Source) -> tuple[int, int] | None:
+    """The two frames, a cycle apart, whose poses are most alike."""
+    clip = source.clip
+    low, high = (round(t * clip.fps) for t in LIMITS.loop)
+    count = len(clip)
+    if count <= low + 2 or count > 8 * high:
+        return None
+    best: tuple[float, int, int] | None = None
+    for first in range(0, count - low, 2):
+        for last in range(first + low, min(first + high, count - 1) + 1, 2):
+            if float(np.linalg.norm((clip.roots[last] - clip.roots[first])[[0, 2]])) < 0.3:
+                continue
+            apart = gap(clip, first, last)
+            if best is None or apart < best[0]:
+                best = (apart, first, last)
+    return (best[1], best[2]) if best is not None and best[0] < LIMITS.cycle_gap else None
+
+
+def _jumps(source: Source, stem: str) -> list[Piece]:
+    """The jump of a short file, or each of a long one."""
+    clip, flags = source.clip, source.flags
+    air = np.logical_not(flags.any(axis=1))
+    flights = [(a, b) for a, b in runs(air) if a > 0 and b < len(clip) and b - a >= 0.22 * clip.fps]
+    out = []
+    for number, (first, last) in enumerate(flights):
+        reach = round(1.3 * clip.fps)
+        before, after = max(0, first - reach), min(len(clip), last + reach)
+        others = [run for run in flights if run != (first, last)]
+        before = max([before, *(b + 1 for _, b in others if b < first)])
+        after = min([after, *(a - 1 for a, _ in others if a > last)])
+        if after - before < 10:
+            continue
+        keys = jump_keys(clip.slice(before, after), flags[before:after])
+        if keys is None or keys[-1] - keys[0] > LIMITS.jump_seconds:
+            continue
+        times = tuple(key + before / clip.fps for key in keys)
+        ends = [round(times[0] * clip.fps), round(times[-1] * clip.fps)]
+        if not all(flags[max(0, e - 3) : e + 4].any() for e in ends) or not _is_jump(source, first, last, ends):
+            continue
+        gone = hips(clip)[ends[1]] - hips(clip)[ends[0]]
+        way = float(np.hypot(gone[0], gone[2]))
+        side = _wrap(float(np.arctan2(gone[0], gone[2])) - float(headings(clip)[ends[0]]))
+        module = "jump_up" if way < LIMITS.jump_up else _jump_module(side)
+        label = f"{stem}{f'_{number + 1}' if number else ''}"
+        out.append(Piece(module, label, source.file, times))
+    return out
+
+
+def _is_jump(source: Source, off: int, land: int, ends: Sequence[int]) -> bool:
+    """Whether both feet leave together and come back together, the body rises and does not spin."""
+    clip, flags = source.clip, source.flags
+    margin = round(LIMITS.jump_together * clip.fps)
+    together = all(
+        flags[max(0, off - margin) : off + 1, foot].any() and flags[land : land + margin + 1, foot].any()
+        for foot in range(2)
+    )
+    height = hips(clip)[ends[0] : ends[1] + 1, 1]
+    turned = headings(clip)[[*ends]]
+    rise = float(height.max() - height[0])
+    return together and rise >= LIMITS.jump_rise and abs(float(turned[1] - turned[0])) <= LIMITS.jump_turn
+
+
+def _jump_module(side: float) -> str:
+    if abs(side) <= LIMITS.jump_sway:
+        return "jump_forward"
+    if abs(side) >= np.pi - LIMITS.jump_sway:
+        return "jump_back"
+    return "jump_left" if side > 0.0 else "jump_right"
+
+
+def _moves(source: Source, stem: str) -> list[Piece]:
+    """A step or a turn on the spot: one swing of each foot."""
+    clip, flags = source.clip, source.flags
+    found = step_keys(clip, flags)
+    if found is None or len(swings(flags, clip.fps)) > 4:
+        return []
+    lead, keys = found
+    ends = [round(keys[0] * clip.fps), min(round(keys[-1] * clip.fps), len(clip) - 1)]
+    part = measure(clip.slice(ends[0], ends[1] + 1), flags[ends[0] : ends[1] + 1])
+    turned = part.heading_change
+    if part.bend_max > LIMITS.move_bend or part.duck_max > LIMITS.move_duck:
+        return []
+    if max(part.left_foot_max, part.right_foot_max) > LIMITS.move_foot:
+        return []
+    if LIMITS.turn[0] <= abs(turned) <= LIMITS.turn[1] and part.distance <= LIMITS.turn_way:
+        module = "turn_left" if turned > 0.0 else "turn_right"
+        return [Piece(module, stem, source.file, keys)]
+    if abs(turned) <= LIMITS.step_turn and LIMITS.step[0] <= part.distance <= LIMITS.step[1]:
+        side = part.direction
+        sideways = 0.15 < abs(side) < np.pi - 0.15
+        leading = 0 if (side > 0.0 if sideways else lead == 0) else 1
+        if leading == lead:
+            return [Piece("step_left" if lead == 0 else "step_right", stem, source.file, keys)]
+    return []
+
+
+def _stands(source: Source, stem: str) -> list[Piece]:
+    """The calmest stretch of standing, as a loop."""
+    clip = source.clip
+    low, high = (round(t * clip.fps) for t in LIMITS.stand_seconds)
+    if len(clip) <= low or not source.flags.all(axis=1).mean() > 0.6:
+        return []
+    best: tuple[float, int, int] | None = None
+    length = min(high, len(clip) - 1)
+    for first in range(0, len(clip) - length, max(1, length // 4)):
+        last = first + length
+        part = clip.slice(first, last + 1)
+        m = measure(part, source.flags[first : last + 1])
+        if m.speed > LIMITS.stand_speed or not source.flags[first : last + 1].all():
+            continue
+        busy = m.left_hand_speed + m.right_hand_speed + 3.0 * abs(m.bend_mean) + 2.0 * abs(m.duck_mean)
+        busy += 4.0 * gap(clip, first, last)
+        if best is None or busy < best[0]:
+            best = (busy, first, last)
+    if best is None:
+        return []
+    return [Piece("stand", stem, source.file, (best[1] / clip.fps, best[2] / clip.fps))]
+
+
+def _wrap(angle: float) -> float:
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+# What is taken of what was found, and what is made where nothing was.
+
+
+def _chosen(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
+    out: list[Piece] = []
+    walks = found.get("locomotion", [])
+    if walks:
+        out += _locomotion(walks, notes)
+    stands = found.get("stand", [])
+    if stands:
+        out += _standing(stands)
+    out += _steps(found, notes)
+    out += _jumping(found, notes)
+    out += _turning(found, notes)
+    out += _canonical(walks, found)
+    return out
+
+
+def spread(found: Sequence[Found], count: int, scale: Array, first: int | None = None) -> list[Found]:
+    """``count`` candidates that cover the range: each the farthest from those taken, in units of ``scale``."""
+    if not found:
+        return []
+    values = np.stack([f.values for f in found]) / scale
+    quality = np.array([f.quality for f in found])
+    taken = [
+        int(np.argmin(np.linalg.norm(values - np.median(values, axis=0), axis=1) + quality))
+        if first is None
+        else first
+    ]
+    while len(taken) < min(count, len(found)):
+        near = np.min(np.linalg.norm(values[:, None] - values[None, taken], axis=-1), axis=1)
+        near[taken] = -np.inf
+        best = int(np.argmax(near - quality))
+        if near[best] < 0.35:
+            break
+        taken.append(best)
+    return [found[k] for k in taken]
+
+
+def _locomotion(walks: list[Found], notes: list[str]) -> list[Piece]:
+    """A spread of walks and runs, and walks leaning, bent and ducked where none was captured."""
+    scale = np.array([0.6, 0.6, 0.20, 0.30, 0.35])
+    straight = [w for w in walks if abs(w.values[1]) < LIMITS.straight]
+    base = min(
+        straight or walks, key=lambda w: abs(w.values[0] - 1.2) + 4.0 * w.quality + (0.3 if w.piece.made else 0.0)
+    )
+    ordered = [base, *[w for w in walks if w is not base]]
+    captured = [w for w in ordered if not w.piece.made] or ordered
+    first = captured.index(base) if base in captured else 0
+    taken = spread(captured, COUNTS["locomotion"], scale, first)
+    pieces = [w.piece for w in taken]
+    values = np.stack([w.values for w in taken])
+    # A turn to one side without its like on the other is mirrored.
+    for w in taken:
+        if abs(w.values[1]) > LIMITS.straight:
+            other = w.values * np.array([1.0, -1.0, -1.0, 1.0, 1.0])
+            if np.min(np.linalg.norm((values - other) / scale, axis=1)) > 0.8:
+                like = [m for m in walks if m.piece.mirrored and m.piece.file == w.piece.file]
+                if like:
+                    twin = min(like, key=lambda m, o=other: float(np.linalg.norm((m.values - o) / scale)))
+                    pieces.append(twin.piece)
+                    values = np.vstack([values, twin.values])
+    b = base.piece
+    slow, fast = base, max(straight or [base], key=lambda w: w.values[0] - 8.0 * w.quality)
+    made: list[tuple[str, Piece]] = []
+    if values[:, 2].max() < 0.2:
+        made += [("tilt", replace(b, name=f"{b.name}_tilt_left", tilt=20.0))]
+    if values[:, 2].min() > -0.2:
+        made += [("tilt", replace(b, name=f"{b.name}_tilt_right", tilt=-20.0))]
+    if values[:, 3].max() < 0.5:
+        made += [("bend", replace(b, name=f"{b.name}_bent", bend=35.0))]
+    if values[:, 3].min() > -0.15:
+        made += [("bend", replace(b, name=f"{b.name}_stretched", bend=-16.0))]
+    if values[:, 4].max() < 0.7:
+        made += [("duck", replace(b, name=f"{b.name}_ducked", duck=0.7))]
+    if fast is not slow and fast.values[0] > 2.2:
+        f = fast.piece
+        made += [("tilt", replace(f, name=f"{f.name}_tilt_left", tilt=14.0)),
+                 ("tilt", replace(f, name=f"{f.name}_tilt_right", tilt=-14.0))]  # fmt: skip
+    if made:
+        notes.append(f"locomotion: made by layering: {', '.join(p.name for _, p in made)}")
+    return pieces + [piece for _, piece in made]
+
+
+def _standing(stands: list[Found]) -> list[Piece]:
+    """The calmest stand, and the same leaning, bent and ducked."""
+    best = min(stands, key=lambda s: s.quality + float(np.abs(s.values).sum()))
+    b = best.piece
+    return [
+        b,
+        replace(b, name=f"{b.name}_tilt_left", tilt=26.0),
+        replace(b, name=f"{b.name}_tilt_right", tilt=-26.0),
+        replace(b, name=f"{b.name}_bent", bend=55.0),
+        replace(b, name=f"{b.name}_stretched", bend=-18.0),
+        replace(b, name=f"{b.name}_ducked", duck=0.9),
+        replace(b, name=f"{b.name}_ducked_bent", duck=0.8, bend=40.0),
+    ]
+
+
+def _steps(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
+    """Captured steps, and steps in the directions and lengths that are missing, carried there from the best one."""
+    captured = {module: found.get(module, []) for module in ("step_left", "step_right")}
+    everything = captured["step_left"] + captured["step_right"]
+    if not everything:
+        return []
+    out = []
+    for module, sign in (("step_left", 1.0), ("step_right", -1.0)):
+        mine = captured[module]
+        best = min(mine or everything, key=lambda f: f.quality)
+        base = best.piece
+        if not mine:  # the other side's, mirrored
+            base = replace(base, module=module, name=f"{base.name}_mirrored", mirrored=not base.mirrored)
+        mine = sorted(mine, key=lambda f: f.quality)[:4]
+        taken = [f.piece for f in mine]
+        made = []
+        for angle in (0.0, 45.0, 90.0, 135.0, 180.0):
+            for distance in (0.3, 0.6 if angle < 60.0 else 0.5):
+                if not any(_near(f, sign * np.radians(angle), distance) for f in mine):
+                    name = f"{module}_{angle:.0f}_{distance * 100:.0f}cm"
+                    made.append(replace(base, module=module, name=name, angle=sign * angle, distance=distance))
+        out += taken + made
+        notes.append(f"{module}: {len(taken)} captured, {len(made)} carried from {base.name}")
+    return out
+
+
+def _near(f: Found, angle: float, distance: float) -> bool:
+    here = f.values[1] * np.exp(1j * f.values[0])
+    return bool(abs(here - distance * np.exp(1j * angle)) < 0.10)
+
+
+def _jumping(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
+    """Captured jumps; sideways and backward ones are carried there from a jump straight up."""
+    out: list[Piece] = []
+    ups = sorted(found.get("jump_up", []), key=lambda f: float(f.values[0]))
+    forwards = found.get("jump_forward", [])
+    base = (min(ups, key=lambda f: abs(float(f.values[0]) - 0.4)) if ups else None) or (
+        min(forwards, key=lambda f: float(f.values[1])) if forwards else None
+    )
+    if base is None:
+        return out
+    grid = {"jump_forward": ((-40.0, 0.0, 40.0), (0.45, 1.0)), "jump_back": ((150.0, 180.0, 210.0), (0.3, 0.55)),
+            "jump_left": ((50.0, 90.0, 130.0), (0.3, 0.65)), "jump_right": ((-50.0, -90.0, -130.0), (0.3, 0.65))}  # fmt: skip
+    scale = np.array([0.5, 0.35])
+    for module, (angles, reaches) in grid.items():
+        mine = spread(found.get(module, []), COUNTS[module], scale)
+        made = [
+            replace(
+                base.piece,
+                module=module,
+                name=f"{module}_{angle:.0f}_{reach * 100:.0f}cm",
+                angle=angle,
+                distance=reach,
+            )
+            for angle in angles
+            for reach in reaches
+            if not any(_near(f, np.radians(angle), reach) for f in mine)
+        ]
+        out += [f.piece for f in mine] + made
+        notes.append(f"{module}: {len(mine)} captured, {len(made)} carried from {base.piece.name}")
+    if ups:
+        apart = [ups[0]] + [b for a, b in pairwise(ups) if b.values[0] - a.values[0] > 0.03]
+        out += [f.piece for f in apart[-COUNTS["jump_up"] :]]
+    return out
+
+
+def _turning(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
+    """Turns to both sides; those of one side mirrored where the other has too few."""
+    out: list[Piece] = []
+    for module, other in (("turn_left", "turn_right"), ("turn_right", "turn_left")):
+        mine = spread(found.get(module, []), COUNTS[module], np.array([0.5]))
+        made = []
+        for f in sorted(found.get(other, []), key=lambda f: f.quality):
+            if len(mine) + len(made) >= COUNTS[module]:
+                break
+            angle = -float(f.values[0])
+            if all(abs(angle - float(m.values[0])) > 0.3 for m in mine) and all(
+                abs(angle - a) > 0.3 for a, _ in made
+            ):
+                piece = replace(
+                    f.piece, module=module, name=f"{f.piece.name}_mirrored", mirrored=not f.piece.mirrored
+                )
+                made.append((angle, piece))
+        if mine or made:
+            out += [f.piece for f in mine] + [piece for _, piece in made]
+            notes.append(f"{module}: {len(mine)} captured, {len(made)} mirrored")
+    return out
+
+
+def _canonical(walks: list[Found], found: dict[str, list[Found]]) -> list[Piece]:
+    """One straight example of each way of going and jumping."""
+    out = []
+    straight = [w for w in walks if abs(w.values[1]) < LIMITS.straight and not w.piece.made]
+
+    def take(name: str, f: Found | None, march: float = 0.0) -> None:
+        if f is not None:
+            out.append(replace(f.piece, module="canonical", name=name, march=march))
+
+    if straight:
+        upright = [w for w in straight if w.values[3] < 0.35 and w.values[4] < 0.5] or straight
+        runs_ = [w for w in straight if w.values[0] > 2.2]
+        take("walk", min(upright, key=lambda w: abs(w.values[0] - 1.3) + 2.0 * w.quality))
+        if runs_:
+            take("jog", min(runs_, key=lambda w: w.values[0] + 2.0 * w.quality))
+            take("run", max(runs_, key=lambda w: w.values[0] - 2.0 * w.quality))
+        sneaks = [w for w in straight if w.values[0] < 1.2 and w.values[3] + 0.5 * w.values[4] > 0.3]
+        if sneaks:
+            take("sneak", min(sneaks, key=lambda w: w.quality - w.values[3]))
+        take("march", min(upright, key=lambda w: abs(w.values[0] - 1.1) + 2.0 * w.quality), march=0.28)
+    ups, ahead = found.get("jump_up", []), found.get("jump_forward", [])
+    take("jump_up", max(ups, key=lambda f: float(f.values[0])) if ups else None)
+    if ahead:
+        take("short_jump", min(ahead, key=lambda f: abs(float(f.values[1]) - 0.8)))
+        take("long_jump", max(ahead, key=lambda f: float(f.values[1])))
+    return out
