@@ -241,6 +241,32 @@ def test_what_the_bag_lacks_is_said(tmp_path: Path) -> None:
     assert found.unrecorded > 10
 
 
+def test_a_publisher_that_began_again_is_told_apart(tmp_path: Path) -> None:
+    def twice(path: Path, lost: int | None) -> NodeCheck:
+        stage = MemoryStage()
+        recorder = stage.add(Recorder, output=str(tmp_path / "whole.mcap"), overwrite=True)
+        stage.add(Puppet)
+        random = np.random.default_rng(1)
+        for _ in range(2):
+            for seq in range(20):
+                hand = tuple(map(float, random.normal(size=3)))
+                stage.publish_body("target", Target(stamp=stage.clock.now(), seq=seq, left_hand=hand).encode())
+                stage.advance(0.1)
+        stage.remove(recorder)
+        targets = 0
+
+        def keep(number: int, entry) -> bool:
+            nonlocal targets
+            targets += entry.topic == "target"
+            return not (entry.topic == "target" and targets - 1 == lost)
+
+        return outcome(edited(tmp_path / "whole.mcap", path, keep))
+
+    assert twice(tmp_path / "a.mcap", None).passed
+    lacking = twice(tmp_path / "b.mcap", 3)
+    assert "message 3 of 'target'" in lacking.problem, "the other publisher's message 3 came much later"
+
+
 def test_a_cut_bag_is_checked_to_its_end(tmp_path: Path) -> None:
     path = recorded(tmp_path / "a.mcap")
     whole = outcome(path).compared
