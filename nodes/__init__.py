@@ -3,7 +3,11 @@
 NODES: dict[str, str] = {
     "bridge": "bunraku.nodes.bridge.node:Bridge",
     "controller": "bunraku.nodes.controller.node:Controller",
+    "input_hand": "bunraku.nodes.input_hand.node:InputHand",
+    "input_pen": "bunraku.nodes.input_pen.node:InputPen",
     "input_touch": "bunraku.nodes.input_touch.node:InputTouch",
+    "interpreter": "bunraku.nodes.interpreter.node:Interpreter",
     "recorder": "bunraku.nodes.recorder.node:Recorder",
+    "web": "bunraku.nodes.web.node:Web",
 }
 """Name -> 'module:Class'; a class is imported only when its node is asked for."""

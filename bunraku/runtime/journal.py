@@ -65,6 +65,9 @@ class ReplayStage:
     def subscribers(self, topic: str) -> int:
         return 0
 
+    def stack_is_up(self) -> bool:
+        return True
+
     def add_reader(self, fileno: int, callback: Callable[[], None]) -> None:
         raise ReplayProblem("the node reads a device, which a bag does not hold")
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import json
 import logging
 import os
 import signal
@@ -14,7 +15,7 @@ import msgpack
 import zmq
 
 from bunraku.runtime.lock import Lock, Taken
-from bunraku.runtime.names import endpoint, file_of, make_run_folder, run_folder
+from bunraku.runtime.names import RECORDERS, endpoint, file_of, make_run_folder, run_folder
 from bunraku.runtime.node import Node, close_log
 from bunraku.runtime.params import ParamProblem
 from bunraku.runtime.state import StateFile
@@ -23,6 +24,8 @@ from bunraku.runtime.zmqstage import ZmqStage
 
 LAUNCHER_FD = "BUNRAKU_LAUNCHER_FD"
 """Environment: the read end of a pipe whose end of file means that the launcher is gone."""
+RECORDER_PATIENCE = 2.0
+"""s."""
 SLOW = 5_000_000_000
 """ns between two full reports of an error that repeats."""
 
@@ -82,11 +85,12 @@ def _run(
             errors = _Errors(node)
             stage.on_error = errors
             stage.on_step = lambda: state.write(node.save())
-            socket = _open_control(stage, node, control, errors)
             _watch_launcher(stage)
+            _await_recorders(stage, node)
             try:
                 before = state.read()
                 node.start(before)
+                socket = _open_control(stage, node, control, errors)  # that it is there says: set up
                 if before is not None:
                     node.log.info("took up from where it was")
                 while stage.status is None:
@@ -213,6 +217,16 @@ def _watch_launcher(stage: ZmqStage) -> None:
     except OSError:
         return
     stage.watch(descriptor, notice)
+
+
+def _await_recorders(stage: ZmqStage, node: Node) -> None:
+    try:
+        recorders = json.loads(os.environ.get(RECORDERS) or "{}")
+    except ValueError:
+        return
+    recorders.pop(node.full_name, None)
+    if recorders and not stage.await_ears(recorders, RECORDER_PATIENCE) and stage.status is None:
+        node.log.warning("begins before %s: its first messages are not recorded", ", ".join(recorders))
 
 
 def _log_to_terminal(node: Node) -> None:

@@ -11,6 +11,12 @@ PATTERN = re.compile(r"[a-z0-9_*]+(/[a-z0-9_*]+)*")
 IPC_PATH_MAX = 107
 """Bytes: the longest path of a Unix socket."""
 
+RECORDERS = "BUNRAKU_RECORDERS"
+"""Environment: JSON, recorder -> patterns of topics; a node begins when they hear it: its journal is then whole."""
+
+STACK = "BUNRAKU_STACK"
+"""Environment: JSON, the full names of all nodes that were launched together."""
+
 
 class NameProblem(ValueError):
     """A name or path that cannot be used; one line with the remedy."""

@@ -60,6 +60,10 @@ class Stage(Protocol):
         """How many listen to a topic that was advertised here."""
         ...
 
+    def stack_is_up(self) -> bool:
+        """Whether all nodes that were launched together have set up."""
+        ...
+
     def add_reader(self, fileno: int, callback: Callable[[], None]) -> None:
         """Call back, as a step, whenever a descriptor can be read."""
         ...

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from bunraku.runtime.launch import NAME, LaunchError, NodeSpec
-from bunraku.runtime.names import resolve
+from bunraku.runtime.names import RECORDERS, STACK, resolve
 from bunraku.runtime.node import Node, declaration
 from bunraku.runtime.params import ParamProblem, convert_all, params_of
 from bunraku.runtime.supervise import Task
@@ -239,9 +239,20 @@ def command(one: Planned) -> list[str]:
     return words
 
 
+def awaited(planned: Sequence[Planned]) -> dict[str, list[str]]:
+    """Recorder -> patterns of what it records from the start, for the nodes that shall wait for it."""
+    return {
+        one.spec.path: [resolve(topic, one.spec.ns) for topic in one.params.get("topics", ["*"])]
+        for one in planned
+        if one.spec.kind == "recorder" and one.params.get("output")
+    }
+
+
 def tasks(planned: Sequence[Planned], *, jit: bool = True, env: Mapping[str, str] | None = None) -> list[Task]:
     """The processes of a launch."""
     counts = wiring(planned)
+    recorders = json.dumps(awaited(planned))
+    stack = json.dumps([one.spec.path for one in planned if not one.spec.command])
     return [
         Task(
             one.spec.path,
@@ -250,6 +261,8 @@ def tasks(planned: Sequence[Planned], *, jit: bool = True, env: Mapping[str, str
                 **(env or {}),
                 "BUNRAKU_JIT": "1" if jit and one.node.jit else "0",
                 SUBSCRIBERS: json.dumps(counts[one.spec.path]),
+                RECORDERS: recorders,
+                STACK: stack,
                 **one.spec.env,
             },
             respawn=one.spec.respawn,

@@ -22,6 +22,10 @@ def can_receive(socket: "zmq.Socket[bytes]") -> bool:
     return bool(cast(int, socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
 
 
+MARK = b"\xc1"
+"""Begins the second subscription by which a raw ear tells its name; no MessagePack body begins so."""
+
+
 class TopicTaken(RuntimeError):
     """Another publisher holds the topic; one line."""
 
@@ -55,6 +59,8 @@ class TopicWriter:
         self.socket.bind(address)
         self._last: bytes | None = None
         self.subscribers = 0
+        self.ears: set[str] = set()
+        """Names of the nodes that hear every body raw (recorders)."""
         card = {
             "topic": topic,
             "node": node,
@@ -78,7 +84,10 @@ class TopicWriter:
         """Take notice of subscribers that came or went; call when the socket can be read."""
         while can_receive(self.socket):
             notice = self.socket.recv()
-            if notice[:1] == b"\x01":
+            if notice[1:2] == MARK:
+                name = notice[2:].decode(errors="replace")
+                (self.ears.add if notice[:1] == b"\x01" else self.ears.discard)(name)
+            elif notice[:1] == b"\x01":
                 self.subscribers += 1
                 if self._last is not None:
                     self.socket.send(self._last)
@@ -96,7 +105,9 @@ class TopicWriter:
 class TopicReader:
     """Connects to a topic, before or after its publisher is there."""
 
-    def __init__(self, context: "zmq.Context[Any]", folder: Path, topic: str, *, newest: bool = False) -> None:
+    def __init__(
+        self, context: "zmq.Context[Any]", folder: Path, topic: str, *, newest: bool = False, ear: str = ""
+    ) -> None:
         self.topic = topic
         self.socket: zmq.Socket[bytes] = context.socket(zmq.SUB)
         if newest:
@@ -107,6 +118,8 @@ class TopicReader:
         self.socket.setsockopt(zmq.RECONNECT_IVL, RECONNECT_MS)
         self.socket.setsockopt(zmq.LINGER, 0)
         self.socket.setsockopt(zmq.SUBSCRIBE, b"")
+        if ear:
+            self.socket.setsockopt(zmq.SUBSCRIBE, MARK + ear.encode())
         self.socket.connect(endpoint(file_of(folder, topic)))
 
     def receive(self) -> bytes | None:

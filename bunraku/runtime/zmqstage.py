@@ -1,6 +1,7 @@
 """A stage over ZeroMQ: one process, one node, one thread, one poller."""
 
 import contextlib
+import json
 import os
 import time
 from collections import deque
@@ -15,11 +16,11 @@ import zmq
 from bunraku.msgs import Clock as ClockMessage
 from bunraku.msgs import InvalidMessage, TopicKind, decode
 from bunraku.runtime.clock import Clock, RealClock, ToldClock
-from bunraku.runtime.names import resolve
+from bunraku.runtime.names import STACK, file_of, resolve
 from bunraku.runtime.node import Input, Node, Subscription
 from bunraku.runtime.topics import TopicReader, TopicWriter
 
-SCAN_EVERY = 0.25
+SCAN_EVERY = 0.1
 """s between two looks for new topics that a pattern matches."""
 BATCH = 64
 """Messages taken from one topic before the others get their turn."""
@@ -48,6 +49,7 @@ class ZmqStage:
         self._readers: dict[int, Callable[[], None]] = {}
         self._plain: dict[Any, Callable[[], None]] = {}
         self._posts: deque[Callable[[], None]] = deque()
+        self._stack = _launched_together()
         self._wake_out, self._wake_in = os.pipe()
         os.set_blocking(self._wake_out, False)
         os.set_blocking(self._wake_in, False)
@@ -83,6 +85,10 @@ class ZmqStage:
         writer = self._writers[topic]
         writer.attend()
         return writer.subscribers
+
+    def stack_is_up(self) -> bool:
+        self._stack = [name for name in self._stack if not file_of(self.folder, name, ".ctl").exists()]
+        return not self._stack
 
     def add_reader(self, fileno: int, callback: Callable[[], None]) -> None:
         self._readers[fileno] = callback
@@ -122,6 +128,24 @@ class ZmqStage:
         """Stop watching."""
         if self._plain.pop(source, None) is not None:
             self._poller.unregister(source)
+
+    def await_ears(self, ears: dict[str, list[str]], seconds: float) -> bool:
+        """Wait until the named recorders (name -> topics, patterns) hear what is said here; False if they do not."""
+        end = time.monotonic() + seconds
+        while self.status is None:
+            missing = [
+                topic
+                for topic, writer in self._writers.items()
+                for ear, patterns in ears.items()
+                if ear not in writer.ears and any(fnmatchcase(topic, one) for one in patterns)
+            ]
+            rest = end - time.monotonic()
+            if not missing or rest <= 0.0:
+                return not missing
+            for source, _ in self._poller.poll(round(min(rest, 0.5) * 1e3) + 1):
+                if source in self._plain:
+                    self._plain[source]()
+        return False
 
     def turn(self, node: Node) -> None:
         """Wait for the next event or due timer and serve it."""
@@ -216,7 +240,8 @@ class ZmqStage:
             return
         self._connected.add((topic, subscription.handler))
         newest = subscription.newest and not subscription.raw
-        reader = TopicReader(self.context, self.folder, topic, newest=newest)
+        ear = self.node.full_name if subscription.raw and self.node is not None else ""
+        reader = TopicReader(self.context, self.folder, topic, newest=newest, ear=ear)
         if subscription.trigger or subscription.raw:
             self._triggers[reader.socket] = (reader, subscription)
             self._poller.register(reader.socket, zmq.POLLIN)
@@ -253,3 +278,12 @@ class ZmqStage:
                 message: ClockMessage = decode(ClockMessage, body)
                 if isinstance(self.clock, ToldClock):
                     self.clock.tell(message.now)
+
+
+def _launched_together() -> list[str]:
+    """The nodes of this launch, from the environment; none outside of one."""
+    try:
+        names = json.loads(os.environ.get(STACK) or "[]")
+    except ValueError:
+        return []
+    return [str(name) for name in names] if isinstance(names, list) else []

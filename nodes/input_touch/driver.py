@@ -66,7 +66,7 @@ class Host(Protocol):
         ...
 
     def listeners(self) -> int:
-        """How many hear the touches."""
+        """How many hear the touches; none before all nodes that were launched together are up."""
         ...
 
     def frame(self, frame: Frame) -> None:

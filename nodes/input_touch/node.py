@@ -85,7 +85,7 @@ class InputTouch(Node):
         return self.stage.clock.now()
 
     def listeners(self) -> int:
-        return self.touch.subscribers()
+        return self.touch.subscribers() if self.stage.stack_is_up() else 0
 
     def frame(self, frame: Frame) -> None:
         if frame.device not in self.ledgers:
