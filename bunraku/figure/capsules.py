@@ -1,6 +1,7 @@
 """The mannequin as round cones: for shadows, and for drawing without OpenGL."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +32,6 @@ class Capsules:
             np.einsum("nij,nj->ni", turns, self.ends) + base,
         )
 
-    def rows(self) -> list[list[float]]:
-        """One flat row a capsule: joint, start, radius, end, radius, colour."""
-        flat = np.hstack([self.starts, self.radii[:, :1], self.ends, self.radii[:, 1:], self.colors])
-        return [[int(j), *(round(float(x), 5) for x in row)] for j, row in zip(self.joints, flat, strict=True)]
-
 
 def capsules(skeleton: Skeleton) -> Capsules:
     """The mannequin as some thirty round cones; raises `SkeletonError` as `build` does."""
@@ -56,28 +52,30 @@ def capsules(skeleton: Skeleton) -> Capsules:
     hip = (body.at("leftUpperLeg") + body.at("rightUpperLeg")) / 2.0
     wide = abs(body.at("leftUpperArm")[0] - body.at("rightUpperArm")[0]) / 2.0
     top = np.array([hips[0], max(hip[1] + 0.075 * g, hips[1] + 0.2 * (spine[1] - hips[1])), hips[2]])
-    for x in (-0.035, 0.035):
-        add("hips", top + x * g * X, 0.092, hip - 0.01 * g * Y + 0.4 * x * g * X, 0.072, BODY)
-    add("spine", spine + 0.01 * g * Y, 0.084, spine + 0.09 * g * Y, 0.082, JOINT)
+    across = 0.042 * g * X
+    add("hips", top - across, 0.088, top + across, 0.088, BODY)
+    add("hips", top - 0.01 * g * Y, 0.088, hip - 0.005 * g * Y - 0.012 * g * Z, 0.070, BODY)
+    low = breast + (0.045 * g if body.breast != "spine" else 0.12 * g) * Y
+    middle = throat - 0.105 * g * Y
+    add("spine", spine + 0.01 * g * Y, 0.086, low - 0.03 * g * Y, 0.080, JOINT)
+    add(body.breast, low, 0.084, middle, 0.104, BODY)
     for x in (-1.0, 1.0):
-        low = breast + (0.045 * g if body.breast != "spine" else 0.12 * g) * Y
+        add(body.breast, low + x * 0.020 * g * X, 0.078, middle + x * (wide - 0.108 * g) * X, 0.088, BODY)
         add(
             body.breast,
-            low + x * 0.028 * g * X,
-            0.080,
-            throat - 0.095 * g * Y + x * (wide - 0.118 * g) * X,
-            0.088,
+            throat - 0.04 * g * Y,
+            0.052,
+            throat - 0.062 * g * Y + x * (wide - 0.065 * g) * X,
+            0.046,
             BODY,
-        )
-        add(
-            body.breast, throat - 0.045 * g * Y, 0.055, throat - 0.06 * g * Y + x * (wide - 0.07 * g) * X, 0.046, BODY
         )
     add("neck" if body.has("neck") else "head", throat - 0.01 * g * Y, 0.047, head + 0.02 * g * Y, 0.042, JOINT)
     at = head + 0.004 * g * Z
-    add("head", at + np.array([0, 0.025, 0.026]) * g, 0.048, at + np.array([0, 0.118, 0.004]) * g, 0.083, BODY)
-    for x in (-0.045, 0.0, 0.045):
-        visor_at = at + np.array([x, 0.095, 0.074 - 8.0 * x * x]) * g
-        add("head", visor_at, 0.016, visor_at, 0.016, VISOR)
+    add("head", at + np.array([0, 0.022, 0.030]) * g, 0.046, at + np.array([0, 0.122, 0.002]) * g, 0.082, BODY)
+    add("head", at + np.array([0, 0.100, 0.012]) * g, 0.070, at + np.array([0, 0.125, -0.014]) * g, 0.080, BODY)
+    brow = [at + np.array([x, 0.098, 0.077 - 11.0 * x * x]) * g for x in (-0.056, -0.028, 0.0, 0.028, 0.056)]
+    for a, b in pairwise(brow):
+        add("head", a, 0.0175, b, 0.0175, VISOR)
     for side, (_, accent) in SIDES.items():
         shoulder, elbow, wrist = (body.at(side + part) for part in ("UpperArm", "LowerArm", "Hand"))
         arm, fore = (

@@ -1,7 +1,5 @@
 """A figure's surface whose every vertex follows one joint."""
 
-import json
-import struct
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -64,41 +62,3 @@ class Mesh:
         """(V, 3) m, in the frame of its joint."""
         out: Single = self.positions - self.rest[self.joints]
         return out
-
-    def pack(self, capsules: list[list[float]] | None = None) -> bytes:
-        """The mesh as a small file for a browser (12 bytes a vertex, 6 a triangle; little-endian).
-
-        ``BMSH``, the header's length as u32, a JSON header padded with blanks to 4 bytes, then the arrays, each
-        at a multiple of 4 from the header's end. The header holds ``vertices``, ``triangles``, ``scale`` (a
-        position is int16 * scale metres, in its joint's frame), ``arrays``: name to {``offset``, ``type``,
-        ``size``}, and ``capsules`` (`Capsules.rows`) where given.
-        Arrays: ``positions`` int16 (V, 3) with the joint as the fourth, ``normals`` int8 (V, 4) of 127,
-        ``colors`` uint8 (V, 4), ``indices`` uint16 (T, 3) (uint32 above 65,535 vertices).
-        """
-        scale = float(np.abs(self.local).max()) / 32767.0
-        positions = np.empty((len(self.local), 4), dtype="<i2")
-        positions[:, :3] = np.round(self.local / scale)
-        positions[:, 3] = self.joints
-        normals = np.zeros((len(self.local), 4), dtype=np.int8)
-        normals[:, :3] = np.round(self.normals * 127.0)
-        colors = np.full((len(self.local), 4), 255, dtype=np.uint8)
-        colors[:, :3] = np.round(self.colors * 255.0)
-        wide = len(self.local) > 65535
-        indices = self.indices.astype("<u4" if wide else "<u2")
-        blob = bytearray()
-        arrays = {}
-        for name, kind, array in (
-            ("positions", "int16", positions), ("normals", "int8", normals), ("colors", "uint8", colors),
-            ("indices", "uint32" if wide else "uint16", indices),
-        ):  # fmt: skip
-            blob.extend(b"\0" * (-len(blob) % 4))
-            arrays[name] = {"offset": len(blob), "type": kind, "size": array.size}
-            blob.extend(array.tobytes())
-        header: dict[str, object] = {
-            "vertices": len(self.local), "triangles": len(self.indices), "scale": scale, "arrays": arrays,
-        }  # fmt: skip
-        if capsules is not None:
-            header["capsules"] = capsules
-        text = json.dumps(header, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        return b"BMSH" + struct.pack("<I", len(text)) + text + bytes(blob)

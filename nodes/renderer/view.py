@@ -39,7 +39,15 @@ class Figure:
     skeleton: Skeleton
     positions_ws: Array  # (J, 3) m
     rotations_ws: Array  # (J, 4) xyzw
-    alpha: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """What one node draws over the picture."""
+
+    primitives: tuple[Primitive, ...]
+    parents: tuple[int, ...] = ()
+    """(J) of its figure's skeleton, for stick figures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +56,7 @@ class View:
 
     camera: Camera
     figures: tuple[Figure, ...] = ()
-    overlays: tuple[Primitive, ...] = ()
+    layers: tuple[Layer, ...] = ()
     center: tuple[float, float] = field(default=(0.0, 0.0))
     """World x, z (m) around which the ground is lit."""
 
