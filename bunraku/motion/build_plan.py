@@ -47,6 +47,7 @@ class PlanLimits:
     jump_turn: float = 0.6  # rad
     move_bend: float = 0.75  # rad, beyond which a step or turn is something else, and likewise
     move_duck: float = 0.55
+    move_hands: float = 0.9  # m/s, mean of either hand
     move_foot: float = 0.40  # m over the ground
     jump_up: float = 0.35  # m that a jump straight up may go along the ground
     jump_sway: float = 0.7  # rad from straight ahead
@@ -276,6 +277,8 @@ def _moves(source: Source, stem: str) -> list[Piece]:
         return []
     if max(part.left_foot_max, part.right_foot_max) > LIMITS.move_foot:
         return []
+    if max(part.left_hand_speed, part.right_hand_speed) > LIMITS.move_hands:
+        return []
     if LIMITS.turn[0] <= abs(turned) <= LIMITS.turn[1] and part.distance <= LIMITS.turn_way:
         module = "turn_left" if turned > 0.0 else "turn_right"
         return [Piece(module, stem, source.file, keys)]
@@ -374,7 +377,8 @@ def _locomotion(walks: list[Found], notes: list[str]) -> list[Piece]:
             if np.min(np.linalg.norm((values - other) / scale, axis=1)) > 0.8:
                 like = [m for m in walks if m.piece.mirrored and m.piece.file == w.piece.file]
                 if like:
-                    twin = min(like, key=lambda m, o=other: float(np.linalg.norm((m.values - o) / scale)))
+                    apart = [float(np.linalg.norm((m.values - other) / scale)) for m in like]
+                    twin = like[int(np.argmin(apart))]
                     pieces.append(twin.piece)
                     values = np.vstack([values, twin.values])
     b = base.piece
@@ -456,7 +460,8 @@ def _jumping(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
     if base is None:
         return out
     grid = {"jump_forward": ((-40.0, 0.0, 40.0), (0.45, 1.0)), "jump_back": ((150.0, 180.0, 210.0), (0.3, 0.55)),
-            "jump_left": ((50.0, 90.0, 130.0), (0.3, 0.65)), "jump_right": ((-50.0, -90.0, -130.0), (0.3, 0.65))}  # fmt: skip
+            "jump_left": ((50.0, 90.0, 130.0), (0.3, 0.65)),
+            "jump_right": ((-50.0, -90.0, -130.0), (0.3, 0.65))}  # fmt: skip
     scale = np.array([0.5, 0.35])
     for module, (angles, reaches) in grid.items():
         mine = spread(found.get(module, []), COUNTS[module], scale)
@@ -485,7 +490,7 @@ def _turning(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
     out: list[Piece] = []
     for module, other in (("turn_left", "turn_right"), ("turn_right", "turn_left")):
         mine = spread(found.get(module, []), COUNTS[module], np.array([0.5]))
-        made = []
+        made: list[tuple[float, Piece]] = []
         for f in sorted(found.get(other, []), key=lambda f: f.quality):
             if len(mine) + len(made) >= COUNTS[module]:
                 break
