@@ -1,0 +1,44 @@
+"""The `script` driver: a pen's performance, played at a steady rate once the listeners are there."""
+
+from pathlib import Path
+
+from bunraku.msgs import Pen
+from bunraku.nodes.input_pen.performance import PerformanceError, load
+from bunraku.runtime.driver import DriverProblem, PerformanceDriver
+
+
+class ScriptDriver(PerformanceDriver):
+    """Plays the file of parameter `script`."""
+
+    name = "script"
+
+    def load(self) -> None:
+        file = self.host.option("script")
+        if not file:
+            raise DriverProblem("script: no performance; give parameter script the path of a .pen file")
+        try:
+            self.performance = load(file)
+        except PerformanceError as error:
+            raise DriverProblem(str(error)) from None
+        self.device = f"script-{Path(file).stem}"
+        self.before: Pen | None = None
+        self.host.connected(
+            self.device, driver="script", fields=["pressure", "altitude", "azimuth"],
+            rate=float(self.host.option("rate")), note=self.performance.title,
+        )  # fmt: skip
+
+    def length(self) -> float:
+        return self.performance.length
+
+    def say(self, t: float, now: int) -> None:
+        moment = self.performance.at(t) if t < self.length() else None
+        if moment is not None:
+            self.before = Pen(
+                device=self.device, in_range=True, contact=moment.contact, x=moment.x, y=moment.y,
+                pressure=moment.pressure, altitude=moment.altitude, azimuth=moment.azimuth,
+                buttons=int(moment.contact), origin=now,
+            )  # fmt: skip
+            self.host.say(self.before)
+        elif self.before is not None:
+            last, self.before = self.before, None
+            self.host.say(Pen(device=self.device, in_range=False, contact=False, x=last.x, y=last.y, origin=now))

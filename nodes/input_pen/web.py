@@ -1,0 +1,74 @@
+"""The `web` driver: pens on the page, every coalesced sample, from the browsers' raw events."""
+
+from bunraku.msgs import Event, Pen, PenSample
+from bunraku.runtime.driver import Driver
+
+LATE = 1_000_000_000
+"""ns: samples of one frame are never taken for older than this."""
+
+
+class WebDriver(Driver):
+    """Reads topic ``web/events``; each page is a pen of its own."""
+
+    name = "web"
+
+    def open(self) -> None:
+        self.last: dict[str, tuple[Pen, int]] = {}
+        """Page -> its last sample and when it came, while it is in range."""
+        self.host.listen("web/events", Event, self.on_event)
+
+    def on_event(self, event: Event) -> None:
+        """The samples of a frame, or the end of a page."""
+        if event.kind == "gone":
+            self.leave(event.device, event.origin or self.host.clock())
+            self.host.gone(event.device, "the page was closed")
+        elif event.kind == "pen" and event.pen:
+            fields = ["pressure", "altitude", "azimuth"]
+            if any(one.twist is not None for one in event.pen):
+                fields.append("twist")
+            if not self.host.connected(event.device, driver="web", size_m=event.size_m, fields=fields, rate=60.0):
+                return
+            now = event.origin or self.host.clock()
+            newest = event.pen[-1].time
+            for one in event.pen:
+                age = min(max(0, round((newest - one.time) * 1e6)), LATE)  # both on the page's clock, ms
+                self.say(message(event, one, now - age), now)
+
+    def say(self, sample: Pen, now: int) -> None:
+        """One sample; what leaves the range is forgotten."""
+        if sample.in_range:
+            self.last[sample.device] = (sample, now)
+        else:
+            self.last.pop(sample.device, None)
+        self.host.say(sample)
+
+    def leave(self, device: str, now: int) -> None:
+        """A pen that was in range is there no more."""
+        held = self.last.get(device)
+        if held is not None:
+            self.say(out_of_range(held[0], now), now)
+
+    def keep(self, now: int) -> None:
+        """A page tells a pen that touches four times a second: silence means that nobody holds it."""
+        limit = round(self.host.option("lost") * 1e9)
+        for device, (sample, at) in list(self.last.items()):
+            if sample.contact and now - at > limit:
+                self.leave(device, now)
+                self.host.gone(device, "the page is silent")
+
+
+def message(event: Event, one: PenSample, origin: int) -> Pen:
+    """A page's sample as a `pen` message."""
+    return Pen(
+        device=event.device, size_m=event.size_m, in_range=one.in_range, contact=one.contact, x=one.x, y=one.y,
+        pressure=one.pressure, altitude=one.altitude, azimuth=one.azimuth, twist=one.twist, buttons=one.buttons,
+        eraser=one.eraser, origin=origin,
+    )  # fmt: skip
+
+
+def out_of_range(last: Pen, origin: int) -> Pen:
+    """The sample that says that a pen has left."""
+    return Pen(
+        device=last.device, size_m=last.size_m, in_range=False, contact=False, x=last.x, y=last.y,
+        altitude=last.altitude, azimuth=last.azimuth, origin=origin,
+    )  # fmt: skip
