@@ -81,7 +81,8 @@ def deepest_contact(
 ) -> float:  # fmt: skip
     """The smallest gap (m, negative for an overlap) of a limb with the rest.
 
-    ``yielding`` (J,) is 1 for joints that get out of this limb's way. ``push`` (4): the way out (3) and where on its bone: 0 upper bone's root .. 1 elbow .. 2 end and beyond.
+    ``yielding`` (J,) is 1 for joints that get out of this limb's way.
+    ``push`` (4): the way out (3) and where on its bone: 0 upper bone's root .. 1 elbow .. 2 end and beyond.
     """
     least = 1e9
     axis, v = np.empty(3), np.empty(3)
@@ -253,6 +254,9 @@ def avoid(
         farthest = max(0.05, FASTEST * dt)
         share = min(1.0, farthest / max(way, 1e-9))
         strides = min(MOST_STRIDES, max(1, int(np.ceil(way * share / STRIDE))))
+        if not was_free:
+            # The body moved into it: only out, not on.
+            share, strides = 0.0, 1
         turn_left = share * (wanted - swivels_before[limb])
         for stride in range(strides):
             for k in range(3):

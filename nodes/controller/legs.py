@@ -17,20 +17,24 @@ HIP_FLEXION, FOLD = 1.95, 2.35
 """rad: how far a hip bends, and how far trunk and thigh fold before they touch."""
 NARROW, WIDE, LONG = 0.12, 0.45, 0.28
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
+NEAR_BOTH, NEAR_ONE = 0.17, 0.20
+"""m: how far the pelvis gets from the line between both feet, or from the one that stands."""
 LOWEST_PELVIS = 0.25
 """m above the floor."""
 
 
 @kernel
 def keep_pelvis_over_feet(
-    rig: Rig, exact: Array, pelvis: Array, hips: Array, points: Array, feet: Array, planted: Array, duck: float
-) -> None:
+    rig: Rig, exact: Array, pelvis: Array, hips: Array, points: Array, feet: Array, planted: Array, duck: float,
+    rise: bool,
+) -> None:  # fmt: skip
     """Move the pelvis (3, m, in place) the least that lets the legs reach every planted foot.
 
     Args:
         exact: (4,) m, how far each limb reaches exactly (a `Base`'s).
         hips: (2, 3) m from the pelvis to each hip joint.
         duck: least hip to ankle as a share of the leg.
+        rise: where the shins lean too far, rise instead of sitting back (balance needs the place).
     """
     forward, ahead = np.empty(3), np.array([0.0, 0.0, 1.0])
     v = np.empty(3)
@@ -67,12 +71,38 @@ def keep_pelvis_over_feet(
             lean = acos(min(1.0, max(-1.0, fold))) + atan2(hip_ahead, height)
             if lean > ANKLE:
                 back = min(height * (lean - ANKLE), 0.05)
-                pelvis[0] -= back * fx
-                pelvis[2] -= back * fz
+                if rise:
+                    pelvis[1] += back
+                else:
+                    pelvis[0] -= back * fx
+                    pelvis[2] -= back * fz
                 worst = max(worst, back)
+        worst = max(worst, keep_near_feet(points, planted, pelvis))
         if worst < 1e-6:
             break
     pelvis[1] = max(pelvis[1], LOWEST_PELVIS)
+
+
+@kernel
+def keep_near_feet(points: Array, planted: Array, pelvis: Array) -> float:
+    """Keep the pelvis, seen from above, near the line between its planted feet; how far it was moved (m)."""
+    if planted[0] < 0.5 and planted[1] < 0.5:
+        return 0.0
+    a = 3 if planted[0] > 0.5 else 4
+    b = 4 if planted[1] > 0.5 else 3
+    most = NEAR_BOTH if a != b else NEAR_ONE
+    ex, ez = points[b, 0] - points[a, 0], points[b, 2] - points[a, 2]
+    x, z = pelvis[0] - points[a, 0], pelvis[2] - points[a, 2]
+    length = ex * ex + ez * ez
+    t = min(1.0, max(0.0, (x * ex + z * ez) / length)) if length > 1e-9 else 0.0
+    x, z = x - t * ex, z - t * ez
+    d = sqrt(x * x + z * z)
+    if d <= most:
+        return 0.0
+    off = 1.0 - most / d
+    pelvis[0] -= off * x
+    pelvis[2] -= off * z
+    return d - most
 
 
 @kernel

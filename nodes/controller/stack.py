@@ -212,11 +212,13 @@ def move_ends(
         flags[row] = 1.0 if driven else 0.0
         if driven:
             follow_point(
-                aim, st.targets[row], st.held[row] < 0.5, st.points[row], st.velocities[row], st.offsets[row],
-                st.offset_rates[row], gains.input_speed, gains.half_life, dt,
+                aim, st.targets[row], st.held[row] < 0.5, st.points[row], st.aims[row], st.velocities[row],
+                st.offsets[row], st.offset_rates[row], gains.input_speed, gains.half_life, dt,
             )  # fmt: skip
             if limb >= 2:
-                st.points[row, 1] = max(st.points[row, 1], rig.ankle_heights[limb - 2])
+                st.aims[row, 1] = max(st.aims[row, 1], rig.ankle_heights[limb - 2])
+            for k in range(3):
+                st.points[row, k] = st.aims[row, k]
         elif limb < 2:
             for k in range(3):
                 arms[limb, k] = st.points[row, k] - st.roots[limb, k]
@@ -380,7 +382,7 @@ def agree(
             blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
             keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
         keep_pelvis_over_feet(
-            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, last_word
         )  # fmt: skip
         moved = 0.0
         for k in range(3):
@@ -464,10 +466,22 @@ def advance(
     before, trunk_before, carried = np.empty((5, 3)), np.empty((2, 4)), np.empty((5, 3))
     arms, flags = np.zeros((2, 3)), np.zeros(5)
     relaxed_trunk, relaxed_pelvis = np.empty(4), np.empty(3)
-    swivels_before, plain = np.empty(4), np.empty(4)
+    swivels_before, plain, aims_before = np.empty(4), np.empty(4), np.empty((5, 3))
     fresh = st.mode[0] < 0.5
     if fresh:
         start_standing(rig, st, under, positions_ws)
+        find_goals(rig, st, under, goals, goal_turns)
+        for _ in range(2):
+            reconstruct_into(
+                rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls,
+                positions_ws, rotations_ws,
+            )  # fmt: skip
+            shoulders_of(rig, positions_ws, st.roots)
+            for limb in range(2):
+                for k in range(3):
+                    st.points[1 + limb, k] = st.roots[limb, k] + goals[1 + limb, k]
+            turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, plain, dt)
+        st.mode[0] = 2.0
     for n in range(5):
         for k in range(3):
             before[n, k] = st.points[n, k]
@@ -496,17 +510,6 @@ def advance(
         for n in range(2):
             for k in range(4):
                 st.goal_turns[n, k] = goal_turns[n, k]
-    if fresh:
-        reconstruct_into(
-            rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
-            rotations_ws,
-        )  # fmt: skip
-        shoulders_of(rig, positions_ws, st.roots)
-        for limb in range(2):
-            for k in range(3):
-                st.points[1 + limb, k] = st.roots[limb, k] + goals[1 + limb, k]
-        turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, plain, dt)
-        st.mode[0] = 2.0
     yaws = np.array([twist_of(st.feet[0]), twist_of(st.feet[1])])
     seek_step(rig, gains, st, held, over, goals)
 
@@ -535,9 +538,11 @@ def advance(
         carried[0, k] = st.points[0, k]
     if flags[0] > 0.5:
         follow_point(
-            held.points[0], st.targets[0], st.held[0] < 0.5, st.points[0], st.velocities[0], st.offsets[0],
-            st.offset_rates[0], gains.input_speed, gains.half_life, dt,
+            held.points[0], st.targets[0], st.held[0] < 0.5, st.points[0], st.aims[0], st.velocities[0],
+            st.offsets[0], st.offset_rates[0], gains.input_speed, gains.half_life, dt,
         )  # fmt: skip
+        for k in range(3):
+            st.points[0, k] = st.aims[0, k]
     else:
         if st.held[0] > 0.5 and not stepping and not over:
             for k in range(3):
@@ -550,6 +555,9 @@ def advance(
         relax_point(st.points[0], st.velocities[0], goals[0], gains.relax_ends, gains.relax_time, gains.ease_time, dt)
     st.held[0] = flags[0]
     # Hands and feet.
+    for n in range(5):
+        for k in range(3):
+            aims_before[n, k] = st.aims[n, k] if st.held[n] > 0.5 else st.points[n, k]
     move_ends(rig, gains, st, held, goals, over, positions_ws, carried, arms, flags, dt)
     if stepping:
         advance_step(
@@ -561,7 +569,7 @@ def advance(
     turn_feet(rig, gains, st, under, yaws, dt)
     room = lean_room(rig, positions_ws, st.planted, st.heading[0])
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
-    sway_trunk(rig, gains, st, held, flags, before, positions_ws)
+    sway_trunk(rig, gains, st, held, flags, aims_before, positions_ws)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
     for k in range(4):
         relaxed_trunk[k] = st.turns[0, k]
@@ -711,7 +719,7 @@ def seek_step(rig: Rig, gains: Gains, st: State, held: Held, over: bool, goals: 
 
 @kernel
 def sway_trunk(
-    rig: Rig, gains: Gains, st: State, held: Held, flags: Array, before: Array, positions_ws: Array
+    rig: Rig, gains: Gains, st: State, held: Held, flags: Array, aims_before: Array, positions_ws: Array
 ) -> None:
     """Interaction's vote on the trunk against relaxing's and balance's, which both vote for it as it is now."""
     moved = np.zeros(3)
@@ -720,7 +728,7 @@ def sway_trunk(
         if flags[1 + limb] > 0.5:
             driven = True
             for k in range(3):
-                moved[k] += st.points[1 + limb, k] - before[1 + limb, k]
+                moved[k] += st.aims[1 + limb, k] - aims_before[1 + limb, k]
     if not driven or held.flags[5] > 0.5:
         return
     n = sqrt(moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2)

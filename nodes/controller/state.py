@@ -94,6 +94,7 @@ class State(NamedTuple):
     goal_turns: Array  # (2, 4)
     held: Array  # (12,) what was held: five points, trunk, head, yaw, four elbows and knees
     targets: Array  # (5, 3)
+    aims: Array  # (5, 3) m, where held points are wanted, offset included
     target_turns: Array  # (2, 4)
     offsets: Array  # (5, 3) m from target to part, evening out
     offset_rates: Array  # (5, 3)
@@ -107,8 +108,9 @@ class State(NamedTuple):
 
 _SHAPES = {
     "points": (5, 3), "velocities": (5, 3), "turns": (2, 4), "spins": (2, 3), "swivels": (4,), "extra": (4,),
-    "extra_rates": (4,), "pushes": (4,), "feet": (2, 4), "feet_level": (2,), "planted": (2,), "drifts": (2, 3), "support": (2,),
-    "heading": (2,), "roots": (4, 3), "goals": (5, 3), "goal_turns": (2, 4), "held": (12,), "targets": (5, 3),
+    "extra_rates": (4,), "pushes": (4,), "feet": (2, 4), "feet_level": (2,), "planted": (2,), "drifts": (2, 3),
+    "support": (2,), "heading": (2,), "roots": (4, 3), "goals": (5, 3), "goal_turns": (2, 4), "held": (12,),
+    "targets": (5, 3), "aims": (5, 3),
     "target_turns": (2, 4), "offsets": (5, 3), "offset_rates": (5, 3), "turn_offsets": (2, 3),
     "turn_offset_rates": (2, 3), "pelvis_rest": (3,), "lift": (2,), "mode": (2,), "step": (32,),
 }  # fmt: skip

@@ -25,19 +25,22 @@ MOST_TWIST = float(TRUNK_TWIST)
 
 @kernel
 def follow_point(
-    target: Array, before: Array, grabbed: bool, x: Array, velocity: Array, offset: Array, rate: Array,
-    fastest: float, half_life: float, dt: float,
+    target: Array, before: Array, grabbed: bool, x: Array, aim: Array, velocity: Array, offset: Array,
+    rate: Array, fastest: float, half_life: float, dt: float,
 ) -> None:  # fmt: skip
-    """Put a held point (3) under its target, in place, with what is left of the offset between them.
+    """Where a held point (3) is wanted: under its target, with what is left of the offset between them.
 
     Args:
         before: (3) the target of the last step; it is brought up to date.
-        velocity: (3) m/s that the point had; it is brought up to date.
+        x: (3) m, where the point is; it counts when it is grabbed.
+        aim: (3) m, where it was wanted; it is brought up to date.
+        velocity: (3) m/s that it had; it is brought up to date.
         fastest: m/s; what the target moved beyond it goes into the offset.
     """
     moved = 0.0
     for k in range(3):
         if grabbed:
+            aim[k] = x[k]
             offset[k] = x[k] - target[k]
             rate[k] = velocity[k]
             before[k] = target[k]
@@ -51,8 +54,8 @@ def follow_point(
     for k in range(3):
         new = target[k] + offset[k]
         if dt > 0.0:
-            velocity[k] = (new - x[k]) / dt
-        x[k] = new
+            velocity[k] = (new - aim[k]) / dt
+        aim[k] = new
         before[k] = target[k]
 
 
