@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.camera import axes
+from bunraku.figure.camera import axes, project, to_camera
 from bunraku.figure.capsules import Capsules, capsules
 from bunraku.figure.mannequin import MEDIUM, Detail, build
 from bunraku.figure.mesh import Mesh
@@ -87,37 +87,60 @@ class GLEngine:
             )]), name="z ground",
         )  # fmt: skip
         limit = int(GL.glGetIntegerv(GL.GL_MAX_SAMPLES))
-        self._renderer = opengl.renderer_class()(64, 36, min(samples, limit))
+        renderer = opengl.renderer_class()
+        self._plain, self._smooth = renderer(64, 36, 0), renderer(64, 36, min(samples, limit))
+        self._matrices = (np.eye(4), np.eye(4))
+        self._uniforms: dict[str, Single] = {}
 
     def draw(self, view: View, width: int, height: int) -> Pixels:
         """See `Engine.draw`."""
         if self._platform is not None:
             self._platform.make_current()
         self._populate(view.figures)
-        self._renderer._update_context(self._scene, 0)
+        self._plain._update_context(self._scene, 0)
+        self._smooth._meshes, self._smooth._mesh_textures = self._plain._meshes, self._plain._mesh_textures
         for body in self._bodies:
             opengl.update(body.primitive, body.vertices)
         center, span = self._cast(view)
         self._ground.translation = np.array([center[0], 0.0, center[1]])
         camera = view.camera
         flip = np.diag([1.0, -1.0, 1.0, 1.0])  # rows from the top, as pictures are read
-        self._renderer.matrices = (view_matrix(camera), flip @ projection_matrix(camera))
-        pose = np.eye(4)
-        pose[:3, 3] = camera.position
+        self._matrices = (view_matrix(camera), flip @ projection_matrix(camera))
+        eye = np.array(camera.position)
         if camera.ortho_height is not None:  # parallel rays: an eye far behind
-            pose[:3, 3] += 100.0 * axes(camera)[2]
-        self._camera.matrix = pose
-        self._renderer.uniforms = {
+            eye = eye + 100.0 * axes(camera)[2]
+        self._camera.translation = eye
+        self._uniforms = {
             "key": np.array(self._look.key, np.float32),
             "background": np.array(self._look.background, np.float32),
             "window": np.array([*center, 1.0 / span, self._look.shadow], np.float32),
         }
-        self._renderer.viewport_width, self._renderer.viewport_height = width, height
         self._gl.glFrontFace(self._gl.GL_CW)
+        try:
+            if not self._smooth.samples:
+                return self._take(self._plain, "", self._look.background, width, height)
+            # only the figures need many samples, and they cover little of the picture: drawn apart
+            pixels = self._take(self._plain, "z ground", self._look.background, width, height)
+            box = _covered(view, width, height)
+            if box is not None:
+                figures = self._take(self._smooth, "a figure", (0.0, 0.0, 0.0), width, height, box)
+                x, y, w, h = box
+                _lay_over(pixels[y : y + h, x : x + w], figures)
+            return pixels
+        finally:
+            self._gl.glFrontFace(self._gl.GL_CCW)
+
+    def _take(
+        self, renderer: Any, part: str, back: tuple[float, float, float], width: int, height: int,
+        box: tuple[int, int, int, int] | None = None,
+    ) -> Pixels:  # fmt: skip
         from pyrender.constants import RenderFlags
 
-        pixels: Pixels = self._renderer.render(self._scene, RenderFlags.OFFSCREEN)[0]
-        self._gl.glFrontFace(self._gl.GL_CCW)
+        renderer.matrices, renderer.uniforms = self._matrices, self._uniforms
+        renderer.viewport_width, renderer.viewport_height = width, height
+        renderer.part, renderer.window = part, box
+        self._scene.bg_color = [*back, 0.0]
+        pixels: Pixels = renderer.render(self._scene, RenderFlags.OFFSCREEN)[0]
         return pixels
 
     def _populate(self, figures: tuple[Figure, ...]) -> None:
@@ -159,7 +182,37 @@ class GLEngine:
         """Free the context; nothing can be drawn afterwards."""
         if self._platform is not None:
             self._platform.make_current()
-        self._renderer.delete()
+        self._smooth._meshes, self._smooth._mesh_textures = set(), set()
+        self._smooth.delete()
+        self._plain.delete()
         if self._platform is not None:
             self._platform.delete_context()
             self._platform = None
+
+
+def _covered(view: View, width: int, height: int) -> tuple[int, int, int, int] | None:
+    """Left, top, width and height of the pixels that the figures can cover; None for none."""
+    if not view.figures:
+        return None
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for figure in view.figures:
+        rest = figure.skeleton.rest_positions
+        reach = 0.15 * float(np.ptp(rest[:, 1]))  # of hands, head and feet beyond their joints
+        depth = -to_camera(view.camera, figure.positions_ws)[:, 2]
+        if view.camera.ortho_height is None and depth.min() < reach + LOOK.near:
+            return 0, 0, width, height
+        at = project(view.camera, figure.positions_ws) * (width, height)
+        scale = 0.5 * height * projection_matrix(view.camera)[1, 1]
+        pad = reach * scale if view.camera.ortho_height is not None else reach * scale / (depth - reach)
+        pad = np.broadcast_to(pad, depth.shape)[:, None] + 2.0
+        low, high = np.minimum(low, (at - pad).min(axis=0)), np.maximum(high, (at + pad).max(axis=0))
+    x0, y0 = (int(v) for v in np.clip(low, 0, (width, height)))
+    x1, y1 = (int(v) for v in np.clip(np.ceil(high), 0, (width, height)))
+    return (x0, y0, x1 - x0, y1 - y0) if x1 > x0 and y1 > y0 else None
+
+
+def _lay_over(ground: Pixels, figures: Pixels) -> None:
+    """Lay figures (h, w, 4; colours times their alpha) over the ground, in place."""
+    left = 255 - figures[..., 3:].astype(np.uint16)
+    ground[...] = figures + ((ground * left + 127) // 255).astype(np.uint8)
+    ground[..., 3] = figures[..., 3]

@@ -129,6 +129,10 @@ def renderer_class() -> type[Any]:
             self.dpscale = 1  # pyrender doubles it on macOS: four times the pixels
             self.viewport_width, self.viewport_height = width, height
             self.samples = samples
+            self.part = ""
+            """Draw only the nodes whose names begin so."""
+            self.window: tuple[int, int, int, int] | None = None
+            """Left, bottom, width and height of the pixels to draw and read; all when None."""
             self.uniforms: dict[str, NDArray[np.float32]] = {}
             self.matrices: tuple[NDArray[np.float64], NDArray[np.float64]] = (np.eye(4), np.eye(4))
             self._program_cache = ShaderProgramCache(str(SHADERS))
@@ -149,7 +153,16 @@ def renderer_class() -> type[Any]:
 
         def _sorted_mesh_nodes(self, scene: Any) -> list[Any]:
             # figures first: the ground behind them is then never shaded
-            return sorted(scene.mesh_nodes, key=lambda node: node.name or "")
+            nodes = [node for node in scene.mesh_nodes if (node.name or "").startswith(self.part)]
+            return sorted(nodes, key=lambda node: node.name or "")
+
+        def _configure_forward_pass_viewport(self, flags: int) -> None:
+            super()._configure_forward_pass_viewport(flags)
+            if self.window is None:
+                GL.glDisable(GL.GL_SCISSOR_TEST)
+            else:
+                GL.glEnable(GL.GL_SCISSOR_TEST)
+                GL.glScissor(*self.window)
 
         def _storage(self, kind: Any, samples: int) -> Any:
             buffer = GL.glGenRenderbuffers(1)
@@ -170,7 +183,6 @@ def renderer_class() -> type[Any]:
             self._main_fb_ms = self._frame(self.samples, depth=True)
             self._main_fb = self._frame(0, depth=False) if self.samples else self._main_fb_ms
             self._main_fb_dims = size
-            self._pixels = np.empty((size[1], size[0], 4), np.uint8)
 
         def _frame(self, samples: int, depth: bool) -> Any:
             frame = GL.glGenFramebuffers(1)
@@ -195,16 +207,18 @@ def renderer_class() -> type[Any]:
             self._main_fb_dims = (0, 0)
 
         def _read_main_framebuffer(self, scene: Any, flags: int) -> tuple[Pixels, None]:
-            width, height = self._main_fb_dims
+            x, y, width, height = self.window or (0, 0, *self._main_fb_dims)
             if self.samples:
                 GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
                 GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
-                GL.glBlitFramebuffer(
-                    0, 0, width, height, 0, 0, width, height, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST
-                )  # fmt: skip
+                GL.glDisable(GL.GL_SCISSOR_TEST)
+                box = (x, y, x + width, y + height)
+                GL.glBlitFramebuffer(*box, *box, GL.GL_COLOR_BUFFER_BIT, GL.GL_NEAREST)
             GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
             GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 4)
-            GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, self._pixels)
+            if self._pixels.shape[:2] != (height, width):
+                self._pixels = np.empty((height, width, 4), np.uint8)
+            GL.glReadPixels(x, y, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, self._pixels)
             return self._pixels, None
 
     return FastRenderer

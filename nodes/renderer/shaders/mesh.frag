@@ -46,6 +46,7 @@ void main()
 #else
 void main()
 {
+    if (v_position.y < -0.001 && cam_pos.y > 0.0) discard;  // hidden by the ground
     vec3 n = normalize(v_normal);
     vec3 view = normalize(cam_pos - v_position);
     float up = n.y * 0.5 + 0.5;
