@@ -258,3 +258,39 @@ def test_help_does_not_import_what_is_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
     assert "--loop" in done.stdout
+
+
+def test_check_steps_a_compiled_node_in_a_process_that_compiles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a_compiled_node.py").write_text(
+        "import os\n"
+        "from bunraku.msgs import Target\n"
+        "from bunraku.runtime.node import Node, Publisher, timer\n"
+        "class Compiled(Node):\n"
+        "    name = 'compiled'\n"
+        "    jit = True\n"
+        "    out = Publisher('target', Target)\n"
+        "    @timer(hz=10)\n"
+        "    def tick(self):\n"
+        "        self.out.publish(Target(yaw=float(os.environ['BUNRAKU_JIT'])))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("BUNRAKU_JIT", "1")
+    from a_compiled_node import Compiled  # type: ignore[import-not-found]
+
+    stage = MemoryStage()
+    recorder = stage.add(Recorder, output=str(tmp_path / "a.mcap"))
+    stage.add(Compiled)
+    stage.add(Wave)
+    stage.advance(1.0)
+    stage.remove(recorder)
+    monkeypatch.delenv("BUNRAKU_JIT")
+    monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
+    assert main(["bag", "check", str(tmp_path / "a.mcap"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [(one["node"], one["compared"], one["different"]) for one in told["nodes"]] == [
+        ("compiled", 10, 0),
+        ("wave", 50, 0),
+    ]
