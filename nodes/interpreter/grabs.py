@@ -162,6 +162,7 @@ class PelvisGrab:
         self.repeated = False
         self.ease = np.zeros(3)
         self.twist: tuple[float, float] | None = None  # the fingers' angle and the heading at its start
+        self.kept = np.zeros(3)  # where the pelvis stays against the feet while it is twisted
         self.angle = 0.0
         self.value: tuple[float, ...] | None = None
         self.yaw: float | None = None
@@ -171,8 +172,12 @@ class PelvisGrab:
         self.plane = DragPlane(scene, frame, touched, self.rules)
         self.offset = GripOffset(scene.turns[0], scene.positions[0], touched, self.rules)
 
-    def start_twist(self, scene: Scene, angle: float) -> None:
-        """A second finger came; ``angle`` (rad, clockwise as seen) of the line from the first to it."""
+    def start_twist(self, scene: Scene, frame: HeadingFrame, angle: float) -> None:
+        """A second finger came; ``angle`` (rad, clockwise as seen) of the line from the first to it.
+
+        As long as it is there the pelvis is only turned: two fingers never twist about a point that is quite still.
+        """
+        self.kept = frame.to_local(scene.positions[0])
         self.twist = (angle, heading_of(scene.turns[0]))
         self.angle = angle
         self.yaw = self.twist[1]
@@ -194,8 +199,12 @@ class PelvisGrab:
     ) -> tuple[tuple[float, ...] | None, Step | None]:
         """Where the pelvis shall be (world m; None while it steps), and a step to be made."""
         rules = self.rules
-        local = self.plane.crossing(frame, ray.origin, ray.direction)
         offset = self.offset.update(scene.turns[0], dt)
+        if self.twist is not None:
+            point, _ = self._allowed(scene, frame.to_world(self.kept), held_feet)
+            self.value = (float(point[0]), float(point[1]), float(point[2]))
+            return self.value, None
+        local = self.plane.crossing(frame, ray.origin, ray.direction)
         wanted = frame.to_world(local) + offset
         if self.goal is not None:
             if not self._arrived(scene):

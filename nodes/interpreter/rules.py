@@ -21,9 +21,9 @@ class TouchRules:
     """v_th of eq. 10, m/s on the drag plane."""
     speed_gain: float = 0.2
     """v_s of eq. 10, read as a gain in s: m of offset for each m/s above the threshold."""
-    speed_lag: float = 0.05
+    speed_lag: float = 0.03
     """s, low-pass of the drag speed."""
-    speed_attack: float = 0.03
+    speed_attack: float = 0.02
     """s, time constant with which the speed offset grows."""
     speed_release: float = 0.25
     """s, time constant with which it goes back."""

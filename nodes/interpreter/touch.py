@@ -190,11 +190,11 @@ class TouchCore:
         one = self.fingers[key]
         first = next(other for other in self.fingers.values() if other.grab is grab)
         angle, _ = line_angle(first.x, first.y, one.x, one.y, scene.camera.aspect)
-        grab.start_twist(scene, angle)
-        self._regrip(grab, scene)
+        feet = ("left_foot" in self.held, "right_foot" in self.held)
+        grab.start_twist(scene, self.carrier.frame(scene, feet, 0.0), angle)
 
     def _regrip(self, grab: PelvisGrab, scene: Scene) -> None:
-        """Hold the pelvis where its finger, or the middle of its two, is now: nothing moves."""
+        """Hold the pelvis where its finger is now: nothing moves."""
         key = next(key for key, one in self.fingers.items() if one.grab is grab)
         ray = self._pelvis_ray(key, scene)
         feet = ("left_foot" in self.held, "right_foot" in self.held)
@@ -205,15 +205,13 @@ class TouchCore:
     def _pelvis_ray(self, key: Key, scene: Scene) -> Ray:
         one = self.fingers[key]
         grab = one.grab
-        x, y = one.x, one.y
-        if isinstance(grab, PelvisGrab):
+        if isinstance(grab, PelvisGrab) and grab.twist is not None:
             for other in self.fingers.values():
                 if other.twists is grab:
                     angle, length = line_angle(one.x, one.y, other.x, other.y, scene.camera.aspect)
                     if length > self.rules.twist_least:
                         grab.turn_to(angle)
-                    x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)
-        return Ray(*touch_ray(scene.camera, x, y))
+        return Ray(*touch_ray(scene.camera, one.x, one.y))
 
     def _up(self, key: Key, scene: Scene) -> None:
         one = self.fingers.pop(key, None)
