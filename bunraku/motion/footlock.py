@@ -66,6 +66,7 @@ class FeetState(NamedTuple):
     velocity: Array  # (2, 6) of that
     blended: Array  # (2, 3) m, the blended ankle of the frame before
     turned: Array  # (2, 4) its orientation
+    goal: Array  # (2, 7) where the foot was wanted in the frame before, without its offset
     start: Array  # (2, 7) where a settling step began
     grip: Array  # (2,) 0..1, how much the toes are flat on the ground
     ground: Array  # (2, 2) m, ground height under the free feet and its speed
@@ -92,7 +93,7 @@ def feet_state() -> FeetState:
     """Nothing remembered."""
     return FeetState(
         np.zeros(2, dtype=np.int64), np.zeros((2, 2)), np.zeros((2, 5)), np.zeros((2, 6)), np.zeros((2, 6)),
-        np.zeros((2, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)), np.tile([0.0, 0, 0, 0, 0, 0, 1.0], (2, 1)),
+        np.zeros((2, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)), np.tile([0.0, 0, 0, 0, 0, 0, 1.0], (2, 1)), np.tile([0.0, 0, 0, 0, 0, 0, 1.0], (2, 1)),
         np.zeros(2), np.zeros((2, 2)), np.zeros(2),
     )  # fmt: skip
 
@@ -141,7 +142,7 @@ def foot_target(
         position, turn: the blended ankle, raised by the ground's height, and foot.
     """
     limits = feet.limits
-    angles, v, spin = np.empty(2), np.empty(3), np.empty(3)
+    angles, v, spin, rolling = np.empty(2), np.empty(3), np.empty(3), np.empty(3)
     q = np.empty(4)
     yaw_pitch(turn, angles)
     mul_inv(turn, state.turned[side], q)
@@ -189,8 +190,11 @@ def foot_target(
             state.mode[side] = leave
             for k in range(3):
                 state.offset[side, k] += goal[k] - position[k]
-                state.velocity[side, k] -= v[k]
-                state.velocity[side, 3 + k] -= spin[k]
+                state.velocity[side, k] += (goal[k] - state.goal[side, k]) / max(dt, 1e-9) - v[k]
+            mul_inv(goal_turn, state.goal[side, 3:7], q)
+            log(q, rolling)
+            for k in range(3):
+                state.velocity[side, 3 + k] += rolling[k] / max(dt, 1e-9) - spin[k]
             mul_inv(goal_turn, turn, q)
             quat_exp(state.offset[side, 3:6], goal_turn)
             mul(goal_turn, q, q)
@@ -217,11 +221,15 @@ def foot_target(
         state.prints[side, 1] = state.ground[side, 0]
         state.prints[side, 2] = here[2] - out[1] * cos(angles[0])
         state.prints[side, 4] = 0.0
+        # The roll goes on as the blended foot's pitch does.
+        yaw_pitch(state.turned[side], angles)
+        planted(feet, side, state.prints[side], angles[1], goal, goal_turn)
+        rising = state.velocity[side, 1] + v[1] + goal[1] / max(dt, 1e-9)
         yaw_pitch(turn, angles)
         planted(feet, side, state.prints[side], angles[1], goal, goal_turn)
+        rising -= goal[1] / max(dt, 1e-9)
         mul_inv(real, goal_turn, q)
         log(q, state.offset[side, 3:6])
-        rising = state.velocity[side, 1] + v[1]
         for k in range(3):
             state.offset[side, k] = here[k] - goal[k]
             state.velocity[side, k] = 0.0
@@ -232,6 +240,10 @@ def foot_target(
         state.blended[side, k] = position[k]
     for k in range(4):
         state.turned[side, k] = turn[k]
+    for k in range(3):
+        state.goal[side, k] = goal[k]
+    for k in range(4):
+        state.goal[side, 3 + k] = goal_turn[k]
     half_life = limits[1] if state.mode[side] == LOCKED else limits[0]
     spring_decay_into(state.offset[side], state.velocity[side], half_life, dt)
     if state.mode[side] == LOCKED and state.offset[side, 1] < 0.0:
@@ -284,8 +296,10 @@ def plant_into(
         if fresh:
             for k in range(3):
                 state.blended[side, k] = position[k]
+                state.goal[side, k] = position[k]
             for k in range(4):
                 state.turned[side, k] = turn[k]
+                state.goal[side, 3 + k] = turn[k]
         wanted = contact[side] if active else -1.0
         foot_target(feet, state, side, wanted, still, position, turn, dt, goals[side], turns[side])
     # Sink as far as the legs need.

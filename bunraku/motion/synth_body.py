@@ -161,7 +161,8 @@ def _arm(skeleton: Skeleton, plan: Plan, side: int, name: str, sign: float) -> d
     upper = rot.mul(swing, rot.mul(hang, roll))
     lower = rot.axis_angle(y, -sign * plan.elbow[side])
     wrist = rot.mul(
-        rot.axis_angle(z, np.full(len(plan.root), -sign * 0.12)), rot.axis_angle(y, np.full(len(plan.root), -sign * 0.1))
+        rot.axis_angle(z, np.full(len(plan.root), -sign * 0.12)),
+        rot.axis_angle(y, np.full(len(plan.root), -sign * 0.1)),
     )
     shoulder = skeleton.roles.get(name + "Shoulder", -1)
     out = {

@@ -161,12 +161,12 @@ def swing_angles(gait: Gait, phase: Array) -> tuple[Array, Array]:
 
     thigh_walk = [(0.0, 24.0), (0.5 * s, 0.0), (0.86 * s, -21.0), (at(0.0), -10.0), (at(0.36), 13.0), (at(0.66), 23.5),
                   (at(0.86), 24.5)]  # fmt: skip
-    knee_walk = [(0.0, 5.0), (0.25 * s, 17.0), (0.6 * s, 8.0), (at(0.0), 42.0), (at(0.27), 63.0), (at(0.52), 46.0),
-                 (at(0.78), 17.0), (at(0.94), 4.0)]  # fmt: skip
+    knee_walk = [(0.0, 8.0), (0.25 * s, 17.0), (0.6 * s, 8.0), (at(0.0), 42.0), (at(0.27), 63.0), (at(0.52), 46.0),
+                 (at(0.78), 22.0), (at(0.94), 10.0)]  # fmt: skip
     thigh_run = [(0.0, 21.0), (0.5 * s, 5.0), (at(0.0), -24.0), (at(0.10), -20.0), (at(0.45), 16.0), (at(0.72), 32.0),
                  (at(0.88), 25.0)]  # fmt: skip
-    knee_run = [(0.0, 17.0), (0.5 * s, 42.0), (at(0.0), 20.0), (at(0.38), 96.0), (at(0.60), 76.0), (at(0.86), 36.0),
-                (at(0.95), 22.0)]  # fmt: skip
+    knee_run = [(0.0, 22.0), (0.5 * s, 42.0), (at(0.0), 20.0), (at(0.38), 96.0), (at(0.60), 76.0), (at(0.86), 44.0),
+                (at(0.95), 30.0)]  # fmt: skip
     r = gait.running
     thigh = (1.0 - r) * curve(thigh_walk, phase) + r * curve(thigh_run, phase)
     knee = (1.0 - r) * curve(knee_walk, phase) + r * curve(knee_run, phase)
@@ -426,7 +426,8 @@ def _toe_bend(gait: Gait, own: Array) -> Array:
     pitch = foot_pitch(gait, phase)
     release = 1.0 - blend(phase, gait.stance, gait.stance + 0.45 * (1.0 - gait.stance))
     standing = np.where(phase <= gait.stance, 1.0, release)
-    return np.asarray(np.clip(-pitch, 0.0, np.radians(55.0)) * standing, dtype=np.float64)
+    most = np.radians(60.0)
+    return np.asarray(most * np.tanh(np.maximum(-pitch, 0.0) / most) * standing, dtype=np.float64)
 
 
 def _fk(gait: Gait, phase: Array, upper: float, lower: float) -> Array:

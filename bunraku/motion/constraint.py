@@ -1,0 +1,158 @@
+"""Root constraints (Oshita 2005 5.3, 6.3): a path that the figure follows, and ends that motions are pulled to."""
+
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+SPACING = 0.02  # m between the points of a path
+PLACE_WIDTH = 0.06  # m, standard deviation of the smoothing of a path's places
+HEADING_WIDTH = 0.22  # m, of its tangent
+STYLE_WIDTH = 0.20  # m, of speed and posture along it
+LONGEST = 2000.0  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A way over the ground, resampled evenly; arc lengths count from the stroke's beginning."""
+
+    start: float  # m, arc length of the first point
+    places: Array  # (n, 2) m, x and z, a little smoothed
+    headings: Array  # (n,) rad, continuous
+    bends: Array  # (n,) rad/m, to the left
+    speeds: Array  # (n,) m/s, nan where nothing was asked
+    postures: Array  # (n, 3) tilt, bend (rad), duck
+
+    end: float  # m, arc length of the last point
+
+    def _at(self, s: float) -> tuple[int, float]:
+        last = len(self.places) - 1
+        if last < 1:
+            return 0, 0.0
+        along = min(max(s, self.start), self.end) - self.start
+        first = min(int(along / SPACING), last - 1)
+        width = SPACING if first < last - 1 else max(self.end - self.start - SPACING * first, 1e-9)
+        return first, min((along - SPACING * first) / width, 1.0)
+
+    def at(self, s: float) -> tuple[float, float, float]:
+        """Place (x, z; m) and heading (rad) at arc length ``s``, held at the ends."""
+        k, t = self._at(s)
+        n = min(k + 1, len(self.places) - 1)
+        a, b = self.places[k], self.places[n]
+        return (
+            float(a[0] + t * (b[0] - a[0])),
+            float(a[1] + t * (b[1] - a[1])),
+            float(self.headings[k] + t * (self.headings[n] - self.headings[k])),
+        )
+
+    def style(self, s: float) -> tuple[float, float, Array]:
+        """Bend of the path (rad/m), speed asked for (nan: none) and posture at arc length ``s``."""
+        k, t = self._at(s)
+        k = k + 1 if t > 0.5 and k + 1 < len(self.places) else k
+        return float(self.bends[k]), float(self.speeds[k]), self.postures[k]
+
+    def sharpest(self, s: float, ahead: float) -> float:
+        """The largest bend (rad/m, without sign) from ``s`` to ``ahead`` metres on."""
+        first, _ = self._at(s)
+        last, _ = self._at(s + ahead)
+        return float(np.abs(self.bends[first : last + 2]).max())
+
+    def nearest(self, x: float, z: float) -> float:
+        """Arc length of the place nearest to (x, z)."""
+        d = self.places - np.array([x, z])
+        return self.start + SPACING * int(np.argmin(np.einsum("ij,ij->i", d, d)))
+
+    def trimmed(self, end: float) -> "Path":
+        """Cut off at arc length ``end``."""
+        if end >= self.end:
+            return self
+        count = max(1, int((end - self.start) / SPACING) + 1)
+        return Path(self.start, self.places[:count], self.headings[:count], self.bends[:count], self.speeds[:count],
+                    self.postures[:count], self.start + SPACING * (count - 1))  # fmt: skip
+
+
+def _smoothed(values: Array, width: float) -> Array:
+    """Gaussian of ``width`` (m) along a path (n, k); both ends stay where they are."""
+    radius = min(round(3.0 * width / SPACING), len(values) - 1)
+    if radius < 1:
+        return values
+    x = np.arange(-radius, radius + 1) * SPACING
+    kernel = np.exp(-0.5 * (x / width) ** 2)
+    kernel /= kernel.sum()
+    padded = np.concatenate(
+        [2.0 * values[0] - values[radius:0:-1], values, 2.0 * values[-1] - values[-2 : -radius - 2 : -1]]
+    )
+    return np.stack([np.convolve(padded[:, k], kernel, "valid") for k in range(values.shape[1])], -1)
+
+
+def path_of(
+    points: ArrayLike, start: float = 0.0, speeds: ArrayLike | None = None, postures: ArrayLike | None = None,
+    heading: float = 0.0,
+) -> Path:  # fmt: skip
+    """A path through points (n, 2; x and z in m), n >= 1, drawn by a hand: of any spacing, repeated points too.
+
+    Args:
+        start: m, arc length at the first point.
+        speeds: (n,) m/s asked for, nan for none. postures: (n, 3) tilt, bend (rad), duck.
+        heading: rad, of a path too short to have one.
+    """
+    drawn = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    if len(drawn) == 0:
+        raise ValueError("a path needs at least one point")
+    wanted = np.full(len(drawn), np.nan) if speeds is None else np.asarray(speeds, dtype=np.float64)
+    style = np.zeros((len(drawn), 3)) if postures is None else np.asarray(postures, dtype=np.float64)
+    keep = np.append(True, np.hypot(*np.diff(drawn, axis=0).T) > 1e-6)
+    drawn, wanted, style = drawn[keep], wanted[keep], style[keep]
+    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(drawn, axis=0).T)))
+    total = min(float(lengths[-1]), LONGEST)
+    if total < 2.5 * SPACING:
+        return Path(start, drawn[-1:], np.array([heading]), np.zeros(1), wanted[-1:], style[-1:], start)
+    # Points keep their places while the path grows: all lie on the grid but the last one.
+    at = np.append(np.arange(int(total / SPACING - 1e-9) + 1) * SPACING, total)
+    count = len(at)
+    raw = np.stack([np.interp(at, lengths, drawn[:, k]) for k in range(2)], -1)
+    places = _smoothed(raw, PLACE_WIDTH)
+    flow = np.gradient(_smoothed(raw, HEADING_WIDTH), at, axis=0)
+    headings = np.unwrap(np.arctan2(flow[:, 0], flow[:, 1]))
+    bends = np.gradient(headings, at)
+    pace = np.interp(at, lengths, np.where(np.isfinite(wanted), wanted, 0.0))
+    given = np.interp(at, lengths, np.isfinite(wanted).astype(float))
+    sums = _smoothed(np.stack([pace, given], -1), STYLE_WIDTH) if given.any() else np.zeros((count, 2))
+    asked = np.where(given > 0.5, sums[:, 0] / np.maximum(sums[:, 1], 1e-6), np.nan)
+    posture = np.stack([np.interp(at, lengths, style[:, k]) for k in range(3)], -1)
+    return Path(start, places, headings, bends, np.maximum(asked, 0.0), _smoothed(posture, STYLE_WIDTH),
+                start + total)  # fmt: skip
+
+
+def smoothstep(t: float) -> float:
+    """0 to 1 with rest at both ends, held outside of 0..1."""
+    t = min(max(t, 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def wrapped(angle: float) -> float:
+    """The same angle within -pi..pi."""
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A place on the ground and a heading."""
+
+    x: float = 0.0
+    z: float = 0.0
+    heading: float = 0.0
+
+    def after(self, left: float, ahead: float, turned: float) -> "Ground":
+        """Moved in its own frame: left and ahead (m), then turned (rad)."""
+        c, s = cos(self.heading), sin(self.heading)
+        return Ground(self.x + left * c + ahead * s, self.z - left * s + ahead * c, self.heading + turned)
+
+    def seen(self, x: float, z: float) -> tuple[float, float]:
+        """A place (x, z) from here: left and ahead, m."""
+        c, s = cos(self.heading), sin(self.heading)
+        dx, dz = x - self.x, z - self.z
+        return dx * c - dz * s, dx * s + dz * c

@@ -1,0 +1,568 @@
+"""Plays the modules of a motion set: what a figure does, pose by pose, led over the ground.
+
+The player *stands*, *goes* along a path, or makes one *move* (a step, a turn, a jump). It blends the module's
+examples for the parameters of the moment, carries the path frame along under the root constraints, passes
+from motion to motion without a step, and holds the feet. It knows nothing of messages.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import exp, inf, isnan, sqrt
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bunraku.figure.quat import from_axis_angle, mul
+from bunraku.figure.spring import LN2, spring_to_into
+from bunraku.motion.blend import BlendTable, blend_table, pose_into, speeds_into, way_into
+from bunraku.motion.constraint import SPACING, Ground, Path, path_of, smoothstep, wrapped
+from bunraku.motion.footlock import LOCKED, FeetState, feet_of, feet_state, plant_into
+from bunraku.motion.motionset import Example, MotionSet
+from bunraku.motion.parameters import embed
+from bunraku.motion.timewarp import advance, seconds_between
+from bunraku.motion.transition import apply_offset, decay, inertialise, toward
+from bunraku.motion.weights import Weights, weights_into
+
+Array = NDArray[np.float64]
+
+Transition = Literal["inertialise", "example"]
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How the player leads a figure; lengths and speeds for a leg of 0.83 m."""
+
+    usual: float = 1.3  # m/s, where a path asks for none
+    most: float = 4.0  # m/s
+    brake: float = 1.7  # m/s², toward a path's end
+    start: float = 1.7  # m/s², from a stand; more when it runs
+    hurry: float = 0.14  # s, half-life of a change of speed
+    bearing: float = 0.20  # s, half-life of finding back to a path
+    posture: float = 0.12  # s, half-life of a change of posture
+    turning: float = 2.0  # rad/s at most along a path
+    aside: float = 0.9  # rad: a standing figure that has to start farther off its heading than this turns first
+    switch: float = 0.11  # s, half-life of a transition
+    fade: float = 0.25  # s, of a transition by the (n+1)-th example
+
+
+PACE = Pace()
+CANONICAL_CYCLES = ("walk", "jog", "run", "sneak", "march")
+
+
+@dataclass(frozen=True, eq=False)
+class Voice:
+    """A module (or one canonical clip) ready to be played."""
+
+    name: str
+    parameters: tuple[str, ...]
+    weights: Weights
+    table: BlendTable
+
+
+def voice_of(name: str, parameters: tuple[str, ...], examples: tuple[Example, ...]) -> Voice:
+    """Examples as a voice; their values must have one column a parameter."""
+    values = np.stack([example.values for example in examples])
+    return Voice(name, parameters, Weights(parameters, values), blend_table(examples))
+
+
+def voices(motion_set: MotionSet) -> dict[str, Voice]:
+    """All modules by their names; canonical clips as ``canonical/<name>``."""
+    out = {name: voice_of(name, m.parameters, m.examples) for name, m in motion_set.modules.items()}
+    for name, example in motion_set.canonical.items():
+        parameters = ("speed", "turn", "tilt", "bend", "duck") if example.cycle else ("distance", "height")
+        out[f"canonical/{name}"] = voice_of(name, parameters[: len(example.values)], (example,))
+    return out
+
+
+@dataclass
+class _Move:
+    """One step, turn or jump under way."""
+
+    begin: Ground
+    pull: tuple[float, float, float]  # left m, ahead m, turn rad: what the blended way lacks at the end
+    window: tuple[float, float]  # generic times between which it is made up for
+
+
+class Player:
+    """The state of one figure in motion; `update` makes the next pose.
+
+    Args:
+        motion_set: must have the modules ``stand`` and ``locomotion``.
+        ground: height (m) of the ground at (x, z); None for level ground at 0.
+        transition: see `bunraku.motion.transition`.
+        lock: hold planted feet (else the pose is as blended).
+    """
+
+    def __init__(
+        self, motion_set: MotionSet, *, ground: Callable[[float, float], float] | None = None, pace: Pace = PACE,
+        transition: Transition = "inertialise", lock: bool = True,
+    ) -> None:  # fmt: skip
+        self.skeleton = motion_set.skeleton
+        self.voices = voices(motion_set)
+        for needed in ("stand", "locomotion"):
+            motion_set.module(needed)
+        self.pace, self.transition, self.lock, self.ground = pace, transition, lock, ground
+        self.feet = feet_of(self.skeleton)
+        self.scale = float(self.feet.lengths.sum(axis=1).mean()) / 0.83
+        joints = len(self.skeleton)
+        self.root, self.rotations = np.zeros(3), np.zeros((joints, 4))
+        self.contacts = np.zeros(2)
+        self.beyond = 0.0
+        """How far a locked foot was beyond its leg's reach, m."""
+        self._offsets, self._parents = np.array(self.skeleton.offsets), np.array(self.skeleton.parents)
+        self._positions, self._turns = np.zeros((joints, 3)), np.zeros((joints, 4))
+        self._local, self._local_place = np.zeros((joints, 4)), np.zeros(3)
+        self._before, self._before_place = np.zeros((joints, 4)), np.zeros(3)
+        self._trial, self._trial_place = np.zeros((joints, 4)), np.zeros(3)
+        self._after, self._after_place = np.zeros((joints, 4)), np.zeros(3)
+        self._offset, self._offset_speed = np.zeros(3 + 3 * joints), np.zeros(3 + 3 * joints)
+        self._yaw, self._heights = np.zeros(4), np.zeros(3)
+        self._signal = np.zeros(2)
+        self._spare, self._rate = np.zeros(2), np.zeros(2)
+        self._way = np.zeros(3)
+        self.reset()
+
+    def reset(self, x: float = 0.0, z: float = 0.0, heading: float = 0.0) -> None:
+        """Stand upright at a place on the ground (m) with a heading (rad)."""
+        self.place = Ground(x, z, heading)
+        self.posture = np.zeros(3)
+        self.activity: Literal["stand", "go", "move"] = "stand"
+        self.path: Path | None = None
+        self.s = 0.0
+        self.speed = 0.0
+        self.gait = ""
+        self.ending = False
+        self._slip = np.zeros(3)  # m, m, rad: off the path, dying away
+        self._slip_speed = np.zeros(3)
+        self._move: _Move | None = None
+        self._voice = self.voices["stand"]
+        self._asked = self._voice.weights.neutral(np.zeros(3))
+        self._asked_speed = np.zeros_like(self._asked)
+        self._weights = self._voice.weights(self._asked)
+        self.u = 0.0
+        self._since = inf  # s since the last switch
+        self._fading: Array | None = None
+        self._offset[:] = 0.0
+        self._offset_speed[:] = 0.0
+        self.state: FeetState = feet_state()
+        self._lift, self._lift_speed = np.zeros(1), np.zeros(1)
+        if self.ground is not None:
+            self._lift[0] = self.ground(x, z)
+        self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
+        self._before[:], self._before_place[:] = self._local, self._local_place
+        self._compose(0.0)
+
+    # What it is to do
+
+    def stand(self, tilt: float = 0.0, bend: float = 0.0, duck: float = 0.0) -> None:
+        """The posture to take wherever nothing else says one: tilt left and bend forward (rad), duck 0..1."""
+        self.posture[:] = tilt, bend, duck
+
+    def follow(self, path: Path, *, gait: str = "", complete: bool = True) -> None:
+        """Go along a path from where the figure is nearest to it; a path under way may grow or change.
+
+        ``gait`` names a canonical cycle; without it speed and posture follow the path. A path that is not
+        ``complete`` makes the figure slow down, but not end, where it stops so far.
+        """
+        if gait and f"canonical/{gait}" not in self.voices:
+            raise ValueError(f"the motion set has no canonical clip {gait!r}")
+        going = self.activity == "go" and self.path is not None
+        if going:
+            x, z, heading = self.place.x, self.place.z, self.place.heading
+            s = self.s if path.start <= self.s + 0.5 and self._near(path, self.s) else path.nearest(x, z)
+        else:
+            x, z, heading = self.place.x, self.place.z, self.place.heading
+            s = path.nearest(x, z)
+        self.path, self.s, self.gait, self.ending = path, s, gait, complete
+        px, pz, ph = path.at(s)
+        self._slip[:] = x - px, z - pz, wrapped(heading - ph)
+        if not going:
+            self._slip_speed[:] = 0.0
+            self.speed = 0.0
+            self.activity = "go"
+            first = 0.5 if wrapped(ph - heading) > 0.0 else 0.0  # the inner foot goes first
+            self._switch(self._going(), self._asked_on_path(0.0), first)
+        elif self._voice is not self._going():
+            self._switch(self._going(), self._asked_on_path(self.speed), self.u)
+
+    def _near(self, path: Path, s: float) -> bool:
+        x, z, _ = path.at(s)
+        return abs(x - self.place.x) + abs(z - self.place.z) < 0.3 + float(np.abs(self._slip[:2]).sum())
+
+    def stop(self) -> None:
+        """Leave the path as soon as the figure can come to a stand."""
+        if self.activity == "go" and self.path is not None:
+            room = self.speed**2 / (2.0 * self.pace.brake * self.scale)
+            self.path, self.ending = self.path.trimmed(self.s + room), True
+
+    def move(self, module: str, values: ArrayLike, end: Ground | None = None) -> None:
+        """Begin a step, turn or jump for parameter values; its end is pulled to ``end`` where that is given."""
+        voice = self.voices[module]
+        begin = self.place
+        weights = voice.weights(values)
+        way_into(voice.table, weights, 1.0, self._way)
+        pull = (0.0, 0.0, 0.0)
+        if end is not None:
+            left, ahead = begin.seen(end.x, end.z)
+            pull = (left - self._way[0], ahead - self._way[1], wrapped(end.heading - begin.heading - self._way[2]))
+        keys = voice.table.generic
+        window = (float(keys[1]), float(keys[-2]))
+        if module.startswith("jump") or "jump" in module:
+            window = (float(keys[2]), float(keys[4]))
+        self._move = _Move(begin, pull, window)
+        self.activity, self.path = "move", None
+        self._switch(voice, np.asarray(values, dtype=np.float64), 0.0, weights)
+
+    @property
+    def reach(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest measured value of each module's distance or height, m."""
+        out = {}
+        for name, voice in self.voices.items():
+            points = voice.weights.table.points / np.where(
+                voice.weights.table.scale > 0, voice.weights.table.scale, 1.0
+            )
+            points = points + voice.weights.table.center
+            if voice.parameters == ("angle", "distance"):
+                d = np.hypot(points[:, 0], points[:, 1])
+                out[name] = (float(d.min()), float(d.max()))
+            elif len(voice.parameters) == 1:
+                out[name] = (float(points.min()), float(points.max()))
+        return out
+
+    @property
+    def free(self) -> bool:
+        """Whether another activity may begin now: nothing runs but standing."""
+        return self.activity == "stand"
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the figure has caught up with a path that is still growing."""
+        return self.path is not None and not self.ending and self.activity == "stand"
+
+    # The next pose
+
+    def update(self, dt: float) -> None:
+        """Go on by ``dt`` seconds (0 < dt <= 0.1): sets `root`, `rotations` and `contacts`."""
+        dt = min(max(dt, 1e-4), 0.1)
+        self._before[:], self._before_place[:] = self._local, self._local_place
+        if self.activity == "go":
+            self._go(dt)
+        elif self.activity == "move":
+            self._make_move(dt)
+        else:
+            self._idle(dt)
+        self._since += dt
+        self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
+        if self._fading is not None:
+            self._fade()
+        decay(self._offset, self._offset_speed, self.pace.switch, dt)
+        apply_offset(self._offset, self._local_place, self._local)
+        self._compose(dt)
+
+    def _idle(self, dt: float) -> None:
+        voice = self.voices["stand"]
+        self._ask(self._stand_goal(), self.pace.posture, dt)
+        self.u = advance(voice.table.generic, voice.table.spans, self._weights, self.u, dt) % 1.0
+        if self.path is not None and not self.ending and self.path.end - self.s > 0.12 * self.scale:
+            self.follow(self.path, gait=self.gait, complete=False)
+
+    def _stand_goal(self) -> Array:
+        return self._posed(self.voices["stand"].weights, np.zeros(3), self.posture)
+
+    @staticmethod
+    def _posed(weights: Weights, at: Array, posture: Array) -> Array:
+        """Parameters whose tilt, bend and duck are what is usual there and the wanted posture on top."""
+        goal = weights.neutral(at)
+        for k, name in enumerate(weights.parameters):
+            if name == "tilt":
+                goal[k] += posture[0]
+            elif name == "bend":
+                goal[k] += posture[1]
+            elif name == "duck":
+                goal[k] += posture[2] * max(1.0 - goal[k], 0.0)
+        return goal
+
+    def _going(self) -> Voice:
+        return self.voices[f"canonical/{self.gait}" if self.gait else "locomotion"]
+
+    def _asked_on_path(self, speed: float) -> Array:
+        """Parameters of the locomotion module at the figure's place on its path."""
+        assert self.path is not None
+        weights = self._going().weights
+        bend, _, posture = self.path.style(self.s + 0.12 * self.scale)
+        at = np.zeros(len(weights.parameters))
+        names = weights.parameters
+        at[names.index("speed")] = speed
+        if "turn" in names:
+            at[names.index("turn")] = bend * speed
+        return self._posed(weights, at, posture)
+
+    def _go(self, dt: float) -> None:
+        path, pace, voice = self.path, self.pace, self._voice
+        assert path is not None
+        room = max(path.end - self.s, 0.0)
+        _, asked, posture = path.style(self.s)
+        natural = float(voice.table.speeds[0, 0])
+        wanted = (natural if self.gait else pace.usual * sqrt(self.scale)) if isnan(asked) else asked
+        if self.gait:
+            wanted = min(wanted, 1.15 * natural)
+        wanted = min(wanted, pace.most * sqrt(self.scale))
+        sharp = path.sharpest(self.s, 0.35 * self.scale)
+        wanted = min(wanted, pace.turning / max(sharp, 1e-6))
+        change = (1.0 - exp(-LN2 * dt / pace.hurry)) * (wanted - self.speed)
+        # The first steps begin under the body: a figure that starts faster would leave its feet behind.
+        self.speed += min(change, pace.start * (1.0 + 0.6 * max(self.speed - 1.0, 0.0)) * dt)
+        brake = sqrt(2.0 * pace.brake * self.scale * room)
+        self.speed = min(self.speed, max(brake, 0.04))
+        rate = 1.0
+        if self.gait:
+            rate = max(self.speed / natural, 0.35)
+            self._asked[:] = voice.weights.table.center
+            if natural > 2.0 * self.speed and room < 0.5 * self.scale:
+                self.gait = ""  # the last steps are made by the module that can slow down
+                self._switch(self._going(), self._asked_on_path(self.speed), self.u)
+                voice, rate = self._voice, 1.0
+        if not self.gait:
+            self.posture[:] = posture
+            self._ask(self._asked_on_path(self.speed), pace.posture, dt)
+            at = voice.weights.parameters.index("speed")
+            self._asked[at], self._asked_speed[at] = self.speed, 0.0
+            weights_into(voice.weights.table, self._asked, self._weights)
+        speeds_into(voice.table, self._weights, self._rate)
+        pace_now = min(self.speed, max(float(self._rate[0]) * rate, 0.0)) if self.speed > 0.3 else self.speed
+        step = min(pace_now * dt, room)
+        self.s += step
+        arrived = path.end - self.s < 1e-3
+        # The last footfall comes when the end does.
+        before = self.u
+        half = 0.5 if before < 0.5 else 1.0
+        if room < 0.5 * self.scale and not self.gait:
+            left = seconds_between(voice.table.generic, voice.table.spans, self._weights, before, half)
+            eta = sqrt(2.0 * room / (pace.brake * self.scale))
+            rate = min(max(left / max(eta, 1e-3), 0.8), 1.35)
+        self.u = advance(voice.table.generic, voice.table.spans, self._weights, before, dt * rate)
+        x, z, heading = path.at(self.s)
+        self._settle_slip(dt)
+        self.place = Ground(x + self._slip[0], z + self._slip[1], heading + self._slip[2])
+        crossed = self.u >= half
+        self.u %= 1.0
+        if arrived and crossed and self.speed <= 0.08:
+            self._arrive()
+
+    def _settle_slip(self, dt: float) -> None:
+        decay_half = self.pace.bearing
+        y = 2.0 * LN2 / decay_half
+        e = exp(-y * dt)
+        for k in range(3):
+            j = self._slip_speed[k] + self._slip[k] * y
+            self._slip[k], self._slip_speed[k] = e * (self._slip[k] + j * dt), e * (self._slip_speed[k] - j * y * dt)
+
+    def _arrive(self) -> None:
+        self.activity = "stand"
+        if self.ending:
+            self.path = None
+        self.speed = 0.0
+        self.gait = "" if self.ending else self.gait
+        self._switch(self.voices["stand"], self._stand_goal(), 0.0)
+
+    def _make_move(self, dt: float) -> None:
+        voice, move = self._voice, self._move
+        assert move is not None
+        self.u = min(advance(voice.table.generic, voice.table.spans, self._weights, self.u, dt), 1.0)
+        way_into(voice.table, self._weights, self.u, self._way)
+        share = smoothstep((self.u - move.window[0]) / max(move.window[1] - move.window[0], 1e-6))
+        left, ahead, turned = (float(w) + share * p for w, p in zip(self._way, move.pull, strict=True))
+        self.place = move.begin.after(left, ahead, turned)
+        if self.transition == "example" and self._fading is None and self.u < 1.0:
+            rest = seconds_between(voice.table.generic, voice.table.spans, self._weights, self.u, 1.0)
+            if rest < self.pace.fade:
+                self._fading = np.array([rest])
+        if self.u >= 1.0:
+            self.activity, self._move = "stand", None
+            self._switch(self.voices["stand"], self._stand_goal(), 0.0)
+
+    def _fade(self) -> None:
+        """The next motion's first posture as the (n+1)-th example, with growing weight."""
+        assert self._fading is not None
+        stand = self.voices["stand"]
+        rest = seconds_between(self._voice.table.generic, self._voice.table.spans, self._weights, self.u, 1.0)
+        share = smoothstep(1.0 - rest / max(float(self._fading[0]), 1e-6))
+        self._blend(stand, stand.weights(self._stand_goal()), 0.0, self._trial_place, self._trial, self._spare)
+        toward(share, self._trial_place, self._trial, self._local_place, self._local)
+
+    def _ask(self, goal: Array, half_life: float, dt: float) -> None:
+        spring_to_into(self._asked, self._asked_speed, goal, half_life, dt)
+        weights_into(self._voice.weights.table, self._embedded(self._asked), self._weights)
+
+    def _embedded(self, values: Array) -> Array:
+        names = self._voice.weights.parameters
+        return embed(names, values) if "angle" in names else values
+
+    def _switch(self, voice: Voice, asked: Array, u: float, weights: Array | None = None) -> None:
+        """Pass to another voice at generic time ``u``."""
+        self._voice, self.u = voice, u
+        self._asked, self._asked_speed = np.array(asked, dtype=np.float64), np.zeros(len(asked))
+        self._weights = voice.weights(asked) if weights is None else weights
+        table = voice.table
+        dt = 1.0 / 60.0
+        self._blend(voice, self._weights, u, self._trial_place, self._trial, self._spare)
+        later = advance(table.generic, table.spans, self._weights, u, dt)
+        later = later % 1.0 if table.cycle else min(later, 1.0)
+        self._blend(voice, self._weights, later, self._after_place, self._after, self._spare)
+        if self._fading is None and self.transition == "inertialise":
+            inertialise(
+                self._local_place, self._local, self._before_place, self._before,
+                self._trial_place, self._trial, self._after_place, self._after, dt, self._offset, self._offset_speed,
+            )  # fmt: skip
+        elif self.transition == "example" and self._fading is None:
+            inertialise(
+                self._local_place, self._local, self._local_place, self._local,
+                self._trial_place, self._trial, self._trial_place, self._trial, dt, self._offset, self._offset_speed,
+            )  # fmt: skip
+        self._fading = None
+        self._since = 0.0
+
+    def _blend(
+        self, voice: Voice, weights: Array, u: float, place: Array, rotations: Array, signal: Array
+    ) -> None:  # fmt: skip
+        pose_into(voice.table, weights, u, place, rotations, signal)
+
+    def _compose(self, dt: float) -> None:
+        """The local pose into the world, on the ground, with its feet held."""
+        g = self.place
+        self.root[:] = self._local_place
+        left, ahead = float(self._local_place[0]), float(self._local_place[2])
+        spot = g.after(left, ahead, 0.0)
+        self.root[0], self.root[2] = spot.x, spot.z
+        self.rotations[:] = self._local
+        from_axis_angle(0.0, 1.0, 0.0, g.heading, self._yaw)
+        mul(self._yaw, self.rotations[0], self.rotations[0])
+        if self.ground is not None:
+            self._raise(dt)
+        self.contacts[:] = self._signal
+        was = (int(self.state.mode[0]), int(self.state.mode[1]))
+        still = self.activity == "stand" and self._since > 0.12
+        self.beyond = plant_into(
+            self.feet, self.state, self._parents, self._offsets, self.root, self.rotations, self._positions,
+            self._turns, self.contacts, self._heights, still, self.lock, max(dt, 1e-4),
+        )  # fmt: skip
+        if self.ground is not None:
+            self._print_heights(was)
+
+    def _raise(self, dt: float) -> None:
+        """Lift the body to the ground under its feet: nearer to the lower one, followed softly."""
+        ground = self.ground
+        assert ground is not None
+        level = []
+        for side in range(2):
+            foot = int(self.feet.joints[side, 2])
+            if self.state.mode[side] == LOCKED:
+                level.append(float(self.state.prints[side, 1]))
+            else:
+                at = self.state.blended[side] if self.state.drop[1] else self.root
+                level.append(ground(float(at[0]), float(at[2])))
+            at = self._positions[foot] if self.state.drop[1] else self.root
+            self._heights[side] = ground(float(at[0]), float(at[2]))
+        low, high = min(level), max(level)
+        goal = np.array([low + 0.35 * (high - low)])
+        if dt > 0.0:
+            spring_to_into(self._lift, self._lift_speed, goal, 0.12, dt)
+        else:
+            self._lift[:] = goal
+        self._heights[2] = self._lift[0]
+        self.root[1] += self._lift[0]
+
+    def _print_heights(self, was: tuple[int, int]) -> None:
+        """Put the prints of feet that have just come down on the ground, along its slope."""
+        ground = self.ground
+        assert ground is not None
+        for side in range(2):
+            if self.state.mode[side] != LOCKED or was[side] == LOCKED:
+                continue
+            mark = self.state.prints[side]
+            _, heel, ball = (float(v) for v in self.feet.soles[side])
+            s, c = float(np.sin(mark[3])), float(np.cos(mark[3]))
+            back = ground(float(mark[0] + heel * s), float(mark[2] + heel * c))
+            front = ground(float(mark[0] + ball * s), float(mark[2] + ball * c))
+            middle = back + (front - back) * (-heel) / (ball - heel)
+            self.state.offset[side, 1] -= middle - mark[1]
+            mark[1] = middle
+            mark[4] = float(np.arctan2(front - back, ball - heel))
+
+    # Save and restore
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that the next pose depends on, as plain values (`restore` takes it)."""
+        path = self.path
+        return {
+            "place": [self.place.x, self.place.z, self.place.heading],
+            "posture": self.posture.tolist(),
+            "activity": self.activity, "s": self.s, "speed": self.speed, "gait": self.gait, "ending": self.ending,
+            "voice": self._voice_key(), "asked": self._asked.tolist(), "weights": self._weights.tolist(), "u": self.u,
+            "slip": self._slip.tolist(),
+            "move": None if self._move is None else [
+                [self._move.begin.x, self._move.begin.z, self._move.begin.heading], list(self._move.pull),
+                list(self._move.window)],
+            "path": None if path is None else _packed(path, self.s),
+            "feet": [array.tolist() for array in self.state], "lift": float(self._lift[0]),
+            "offset": self._offset.astype("<f4").tobytes(), "speeds": self._offset_speed.astype("<f4").tobytes(),
+        }  # fmt: skip
+
+    def _voice_key(self) -> str:
+        return next(key for key, voice in self.voices.items() if voice is self._voice)
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Take up from a snapshot of the same motion set; raises ValueError for one that does not fit."""
+        try:
+            voice = self.voices[saved["voice"]]
+            weights = np.array(saved["weights"], dtype=np.float64)
+            asked = np.array(saved["asked"], dtype=np.float64)
+            if weights.shape != (len(voice.table.logs),) or asked.shape != (len(voice.parameters),):
+                raise ValueError("saved by another motion set")
+            self.reset(*saved["place"])
+            self.posture[:] = saved["posture"]
+            self.activity, self.s, self.speed = saved["activity"], float(saved["s"]), float(saved["speed"])
+            self.gait, self.ending = saved["gait"], bool(saved["ending"])
+            self._voice, self._asked, self._weights, self.u = voice, asked, weights, float(saved["u"])
+            self._asked_speed = np.zeros(len(asked))
+            self._slip[:] = saved["slip"]
+            move = saved["move"]
+            self._move = None if move is None else _Move(Ground(*move[0]), tuple(move[1]), tuple(move[2]))
+            self.path = None if saved["path"] is None else _unpacked(saved["path"])
+            kept = [np.array(rows, dtype=array.dtype) for rows, array in zip(saved["feet"], self.state, strict=True)]
+            if any(a.shape != b.shape for a, b in zip(kept, self.state, strict=True)):
+                raise ValueError("saved by another version")
+            self.state = FeetState(*kept)  # type: ignore[arg-type]
+            self._lift[0] = float(saved["lift"])
+            self._offset[:] = np.frombuffer(saved["offset"], "<f4")
+            self._offset_speed[:] = np.frombuffer(saved["speeds"], "<f4")
+            self._since = 0.0
+            if (self.activity == "go" and self.path is None) or (self.activity == "move" and self._move is None):
+                raise ValueError("saved without what it was doing")
+            self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
+            apply_offset(self._offset, self._local_place, self._local)
+            self._before[:], self._before_place[:] = self._local, self._local_place
+            self._compose(1e-4)
+        except (KeyError, TypeError, IndexError, AttributeError) as error:
+            raise ValueError(f"not a saved player: {error}") from None
+
+
+AHEAD = 40.0  # m of a path that are saved
+
+
+def _packed(path: Path, s: float) -> list[Any]:
+    """A path from just behind ``s``, as plain values."""
+    first = max(0, int((s - path.start) / SPACING) - 25)
+    last = first + int(AHEAD / SPACING)
+    rows = np.column_stack([path.places, path.headings, path.bends, path.speeds, path.postures])[first:last]
+    end = path.end if first + len(rows) >= len(path.places) else path.start + SPACING * (first + len(rows) - 1)
+    return [path.start + first * SPACING, end, len(rows), rows.astype("<f4").tobytes()]
+
+
+def _unpacked(saved: list[Any]) -> Path:
+    rows = np.frombuffer(saved[3], "<f4").reshape(int(saved[2]), 8).astype(np.float64)
+    return Path(float(saved[0]), rows[:, 0:2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:8], float(saved[1]))
+
+
+__all__ = ["PACE", "Pace", "Path", "Player", "Voice", "path_of", "replace", "voices"]
