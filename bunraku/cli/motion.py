@@ -120,7 +120,8 @@ def clip_info(capture: "Capture") -> dict[str, Any]:
     """What ``motion info`` tells about a capture; lengths in m, times in s, angles in rad."""
     clip = capture.clip
     told: dict[str, Any] = {
-        "name": clip.name, "frames": len(clip), "fps": clip.fps, "seconds": clip.duration, "joints": len(clip.skeleton),
+        "name": clip.name, "frames": len(clip), "fps": clip.fps, "seconds": clip.duration,
+        "joints": len(clip.skeleton),
         "unit": capture.unit, "up": capture.up, "root": capture.root, "rest": capture.rest,
         "roles": {role: clip.skeleton.names[joint] for role, joint in clip.skeleton.roles.items()},
         "measures": {}, "contacts": {}, "cycles": [], "jump": None, "findings": list(capture.findings),

@@ -11,7 +11,19 @@ from bunraku.figure.skeleton import Skeleton
 from bunraku.motion import rotation as rot
 from bunraku.motion.analysis import headings
 from bunraku.motion.analysis_contacts import Flags, contacts
-from bunraku.motion.build_edit import carried, closed, ducked, leaned, levelled, marched, repeated
+from bunraku.motion.build_edit import (
+    calmed,
+    carried,
+    closed,
+    ducked,
+    leaned,
+    levelled,
+    marched,
+    repeated,
+    step_flags,
+    stepping,
+    there_and_back,
+)
 from bunraku.motion.build_recipe import Piece, Recipe, RecipeError
 from bunraku.motion.clip import Clip, ClipError
 from bunraku.motion.files import load_capture
@@ -23,7 +35,7 @@ Array = NDArray[np.float64]
 Report = Callable[[float, float, str], None]
 
 FPS = 60.0
-MOST_TIMES = 2  # how often a loop is repeated for its keys
+MOST_TIMES = 8  # how often a loop is repeated for its keys
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +79,12 @@ def example_of(piece: Piece, source: Source) -> Example:
             raise RecipeError(
                 f"{piece.name}: loop {piece.loop} is not within the {clip.duration:.2f} s of {piece.file}"
             )
-        clip = repeated(closed(clip.slice(first, last + 1)), MOST_TIMES)
-        flags = np.concatenate([flags[first : last + 1], *[flags[first + 1 : last + 1]] * (MOST_TIMES - 1)])
+        clip, flags = clip.slice(first, last + 1), flags[first : last + 1]
+        if piece.back:
+            clip, flags = there_and_back(clip), np.concatenate([flags, flags[-2::-1]])
+        times = min(MOST_TIMES, int(np.ceil(piece.keys[-1] / clip.duration - 1e-6)))
+        clip = repeated(closed(clip), times)
+        flags = np.concatenate([flags, *[flags[1:]] * (times - 1)])
     keys = np.array(piece.keys)
     first, last = round(keys[0] * clip.fps), round(keys[-1] * clip.fps)
     if last >= len(clip) or last - first < 2:
@@ -97,6 +113,11 @@ def _inside(keys: Array, clip: Clip) -> Array:
 
 def _edited(piece: Piece, clip: Clip, flags: Flags, keys: Array) -> tuple[Clip, Flags]:
     """What the piece says is done to the clip."""
+    if piece.calm:
+        clip = calmed(clip, piece.calm)
+    if piece.lift and len(keys) == 6:
+        flags = step_flags(flags, keys, clip.fps, 1 if piece.module.endswith("right") else 0)
+        clip = stepping(clip, flags, piece.lift)
     if piece.march:
         clip = marched(clip, flags, piece.march)
     if piece.tilt or piece.bend:

@@ -20,7 +20,9 @@ from bunraku.motion.leg import move_leg
 Array = NDArray[np.float64]
 
 _BACK = ("spine", "chest", "upperChest")
+SHIFT = 0.45  # of the way to the standing foot that the hips go while the other one is in the air
 MOST_REACH = 0.998  # of the leg's length
+HANG, ELBOW = np.radians(80.0), np.radians(16.0)  # of hanging arms: down from the T-pose, and the elbow's bend
 HEAD_SHARE = 0.35  # of a lean that the head goes along with; it looks ahead
 
 
@@ -101,6 +103,23 @@ def leaned(clip: Clip, tilt: float, bend: float) -> Clip:
     return with_legs(leaning, ankles, feet)
 
 
+def calmed(clip: Clip, share: float) -> Clip:
+    """The arms hanging: ``share`` of the way (0..1) to arms a little off the body with elbows a little bent."""
+    skeleton = clip.skeleton
+    rotations = np.array(clip.rotations)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        down = rot.axis_angle([0.0, 0.0, 1.0], np.array(-sign * HANG))
+        elbow = rot.mul(rot.mul(rot.inverse(down), rot.axis_angle([1.0, 0.0, 0.0], np.array(-ELBOW))), down)
+        still = np.array([0.0, 0.0, 0.0, 1.0])
+        for part, pose in (("Shoulder", still), ("UpperArm", down), ("LowerArm", elbow), ("Hand", still)):
+            joint = skeleton.roles.get(side + part)
+            if joint is not None:
+                rotations[:, joint] = rot.slerp(
+                    rotations[:, joint], pose, np.full(len(clip), min(max(share, 0.0), 1.0))
+                )
+    return replace(clip, rotations=rotations)
+
+
 def ducked(clip: Clip, duck: float) -> Clip:
     """The hips lower by ``duck`` times 0.4 leg lengths, the feet where they were."""
     ankles, feet = feet_of(clip)
@@ -124,6 +143,30 @@ def carried(clip: Clip, flags: Flags, x: float, z: float, off: float, land: floa
         ankles[:, foot] += _air_share(flags[:, foot], times, off, land)[:, None] * way
     moved = replace(clip, roots=clip.roots + body[:, None] * way)
     return with_legs(moved, ankles, feet)
+
+
+def step_flags(flags: Flags, keys: Array, fps: float, lead: int) -> Flags:
+    """(F, 2) contacts of a step made at the key times (6; s): the leading foot's swing, then the other one's."""
+    on = np.ones_like(flags)
+    for foot, (off, down) in ((lead, (keys[1], keys[2])), (1 - lead, (keys[3], keys[4]))):
+        on[round(off * fps) : round(down * fps), foot] = False
+    return on
+
+
+def stepping(clip: Clip, flags: Flags, lift: float) -> Clip:
+    """Feet that are in the air by ``flags`` lifted by up to ``lift`` (m), the weight over the one that stands."""
+    ankles, feet = feet_of(clip)
+    roots = np.array(clip.roots)
+    times = np.arange(len(clip)) / clip.fps
+    for foot in range(2):
+        for first, last in runs(np.logical_not(flags[:, foot])):
+            u = np.clip((np.arange(len(clip)) - first + 1) / (last - first + 1), 0.0, 1.0)
+            ankles[:, foot, 1] += lift * np.sin(np.pi * u) ** 2
+            toward = ankles[first, 1 - foot] - roots[first]
+            share = _eased(times, (first - 0.12 * clip.fps) / clip.fps, 0.5 * (first + last) / clip.fps)
+            share -= _eased(times, 0.5 * (first + last) / clip.fps, (last + 0.12 * clip.fps) / clip.fps)
+            roots += SHIFT * share[:, None] * toward * np.array([1.0, 0.0, 1.0])
+    return with_legs(replace(clip, roots=roots), ankles, feet)
 
 
 def _air_share(on: Flags, times: Array, off: float, land: float) -> Array:
@@ -178,6 +221,15 @@ def closed(clip: Clip) -> Clip:
     roots = np.array(clip.roots)
     roots[:, 1] += (roots[0, 1] - roots[-1, 1]) * share[:, 0]
     return replace(clip, roots=roots, rotations=free)
+
+
+def there_and_back(clip: Clip) -> Clip:
+    """Played to its end and back to its beginning: any calm stretch repeats that way."""
+    return replace(
+        clip,
+        roots=np.concatenate([clip.roots, clip.roots[-2::-1]]),
+        rotations=np.concatenate([clip.rotations, clip.rotations[-2::-1]]),
+    )
 
 
 def gap(clip: Clip, first: int, last: int) -> float:

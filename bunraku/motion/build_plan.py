@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.skeleton import Skeleton, SkeletonError
+from bunraku.motion import rotation as rot
 from bunraku.motion.analysis import headings, hips, measure
 from bunraku.motion.analysis_contacts import runs
 from bunraku.motion.analysis_flaws import flaws
@@ -36,7 +37,8 @@ class PlanLimits:
     straight: float = 0.35  # rad/s of turn, below which a walk is straight
     off_course: float = 0.6  # rad between heading and way gone, beyond which it is no walk ahead
     stand_speed: float = 0.12  # m/s
-    stand_seconds: tuple[float, float] = (1.2, 4.0)
+    stand_seconds: tuple[float, ...] = (4.0, 2.0, 1.0)
+    stand_bob: float = 0.04  # m of the hips up and down
     step: tuple[float, float] = (0.12, 1.0)  # m
     step_turn: float = 0.45
     turn: tuple[float, float] = (0.6, 4.0)
@@ -47,6 +49,8 @@ class PlanLimits:
     jump_turn: float = 0.6  # rad
     move_bend: float = 0.75  # rad, beyond which a step or turn is something else, and likewise
     move_duck: float = 0.55
+    hands_up: float = 0.15  # m over the hips, above which the arms do something of their own
+    feet_apart: float = 0.30  # m, wider than people stand
     move_hands: float = 0.9  # m/s, mean of either hand
     move_foot: float = 0.40  # m over the ground
     jump_up: float = 0.35  # m that a jump straight up may go along the ground
@@ -133,10 +137,13 @@ def _candidates(source: Source, notes: list[str]) -> Iterator[tuple[str, Found]]
             continue
         clip = example.clip
         if piece.cycle:
-            frames_gap = _piece_gap(piece, source)
-            if frames_gap > LIMITS.cycle_gap:
+            apart = 0.0 if piece.back else _piece_gap(piece, source)
+            if apart > LIMITS.cycle_gap:
                 continue
-            yield piece.module, Found(piece, example.values, frames_gap)
+            if piece.module == "stand":
+                first, last = (round(t * clip.fps) for t in piece.loop or piece.keys)
+                apart = _unrest(source, first, last) + 0.4 / clip.duration + (0.1 if piece.calm else 0.0)
+            yield piece.module, Found(piece, example.values, apart)
         else:
             m = measure(clip, example.contacts)
             busy = 0.1 * (m.left_hand_speed + m.right_hand_speed) + 0.3 * m.bend_max + 0.1 * abs(clip.duration - 1.4)
@@ -273,6 +280,7 @@ def _moves(source: Source, stem: str) -> list[Piece]:
     ends = [round(keys[0] * clip.fps), min(round(keys[-1] * clip.fps), len(clip) - 1)]
     part = measure(clip.slice(ends[0], ends[1] + 1), flags[ends[0] : ends[1] + 1])
     turned = part.heading_change
+    calm = 1.0 if _hands_up(source, ends[0], ends[1]) > LIMITS.hands_up else 0.0
     if part.bend_max > LIMITS.move_bend or part.duck_max > LIMITS.move_duck:
         return []
     if max(part.left_foot_max, part.right_foot_max) > LIMITS.move_foot:
@@ -281,37 +289,57 @@ def _moves(source: Source, stem: str) -> list[Piece]:
         return []
     if LIMITS.turn[0] <= abs(turned) <= LIMITS.turn[1] and part.distance <= LIMITS.turn_way:
         module = "turn_left" if turned > 0.0 else "turn_right"
-        return [Piece(module, stem, source.file, keys)]
+        return [Piece(module, stem, source.file, keys, calm=calm)]
     if abs(turned) <= LIMITS.step_turn and LIMITS.step[0] <= part.distance <= LIMITS.step[1]:
         side = part.direction
         sideways = 0.15 < abs(side) < np.pi - 0.15
         leading = 0 if (side > 0.0 if sideways else lead == 0) else 1
         if leading == lead:
-            return [Piece("step_left" if lead == 0 else "step_right", stem, source.file, keys)]
+            return [Piece("step_left" if lead == 0 else "step_right", stem, source.file, keys, calm=calm)]
     return []
 
 
+def _unrest(source: Source, first: int, last: int) -> float:
+    """How far a stand is from standing still, upright, with the feet beside each other under the hips."""
+    part = source.clip.slice(first, last + 1)
+    m = measure(part, source.flags[first : last + 1])
+    feet = [part.skeleton.role(side + "Foot") for side in ("left", "right")]
+    places, heading = part.world[0], headings(part)
+    apart = rot.rotate(rot.yaw(-heading), places[:, feet[0]] - places[:, feet[1]]).mean(axis=0)
+    wide = max(0.0, abs(float(apart[0])) - LIMITS.feet_apart) + max(0.0, 0.1 - float(apart[0])) + abs(float(apart[2]))
+    lean_ = abs(m.tilt_mean) + abs(m.bend_mean) + (m.bend_max - m.bend_mean)
+    return 4.0 * wide + 2.0 * lean_ + 2.0 * abs(m.duck_mean) + 4.0 * m.speed + float(np.ptp(heading))
+
+
+def _hands_up(source: Source, first: int, last: int) -> float:
+    """m: how high the higher hand is over the hips, on average."""
+    places = source.clip.world[0][first : last + 1]
+    hands = places[:, [source.clip.skeleton.role("leftHand"), source.clip.skeleton.role("rightHand")], 1]
+    return float((hands.max(axis=1) - hips(source.clip)[first : last + 1, 1]).mean())
+
+
 def _stands(source: Source, stem: str) -> list[Piece]:
-    """The calmest stretch of standing, as a loop."""
+    """The calmest stretch of standing, played there and back; arms that do something are let hang."""
     clip = source.clip
-    low, high = (round(t * clip.fps) for t in LIMITS.stand_seconds)
-    if len(clip) <= low or not source.flags.all(axis=1).mean() > 0.6:
-        return []
     best: tuple[float, int, int] | None = None
-    length = min(high, len(clip) - 1)
-    for first in range(0, len(clip) - length, max(1, length // 4)):
-        last = first + length
-        part = clip.slice(first, last + 1)
-        m = measure(part, source.flags[first : last + 1])
-        if m.speed > LIMITS.stand_speed or not source.flags[first : last + 1].all():
-            continue
-        busy = m.left_hand_speed + m.right_hand_speed + 3.0 * abs(m.bend_mean) + 2.0 * abs(m.duck_mean)
-        busy += 4.0 * gap(clip, first, last)
-        if best is None or busy < best[0]:
-            best = (busy, first, last)
+    height = hips(clip)[:, 1]
+    for seconds in LIMITS.stand_seconds:
+        length = round(seconds * clip.fps)
+        for first in range(0, len(clip) - length, max(1, length // 3)):
+            last = first + length
+            if not source.flags[first : last + 1].all() or np.ptp(height[first : last + 1]) > LIMITS.stand_bob:
+                continue
+            m = measure(clip.slice(first, last + 1), source.flags[first : last + 1])
+            if m.speed > LIMITS.stand_speed or m.duck_max > 0.3 or abs(m.bend_mean) > 0.3:
+                continue
+            unrest = _unrest(source, first, last) + 0.2 / seconds
+            if best is None or unrest < best[0]:
+                best = (unrest, first, last)
     if best is None:
         return []
-    return [Piece("stand", stem, source.file, (best[1] / clip.fps, best[2] / clip.fps))]
+    calm = 1.0 if _hands_up(source, best[1], best[2]) > 0.0 else 0.0
+    loop = (best[1] / clip.fps, best[2] / clip.fps)
+    return [Piece("stand", stem, source.file, (0.0, 2.0 * (loop[1] - loop[0])), loop=loop, calm=calm, back=True)]
 
 
 def _wrap(angle: float) -> float:
@@ -329,7 +357,7 @@ def _chosen(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
     stands = found.get("stand", [])
     if stands:
         out += _standing(stands)
-    out += _steps(found, notes)
+    out += _steps(found, stands, notes)
     out += _jumping(found, notes)
     out += _turning(found, notes)
     out += _canonical(walks, found)
@@ -405,7 +433,7 @@ def _locomotion(walks: list[Found], notes: list[str]) -> list[Piece]:
 
 def _standing(stands: list[Found]) -> list[Piece]:
     """The calmest stand, and the same leaning, bent and ducked."""
-    best = min(stands, key=lambda s: s.quality + float(np.abs(s.values).sum()))
+    best = min(stands, key=lambda s: s.quality)
     b = best.piece
     return [
         b,
@@ -418,29 +446,27 @@ def _standing(stands: list[Found]) -> list[Piece]:
     ]
 
 
-def _steps(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
-    """Captured steps, and steps in the directions and lengths that are missing, carried there from the best one."""
-    captured = {module: found.get(module, []) for module in ("step_left", "step_right")}
-    everything = captured["step_left"] + captured["step_right"]
-    if not everything:
-        return []
+STEP_TIMES = (0.0, 0.12, 0.52, 0.60, 1.00, 1.20)
+"""s of a step made from standing: begin, the leading foot off and down, the other one off and down, end."""
+
+
+def _steps(found: dict[str, list[Found]], stands: list[Found], notes: list[str]) -> list[Piece]:
+    """Captured steps, and from standing those in the directions and of the lengths that are missing."""
     out = []
+    base = min(stands, key=lambda s: s.quality).piece if stands else None
     for module, sign in (("step_left", 1.0), ("step_right", -1.0)):
-        mine = captured[module]
-        best = min(mine or everything, key=lambda f: f.quality)
-        base = best.piece
-        if not mine:  # the other side's, mirrored
-            base = replace(base, module=module, name=f"{base.name}_mirrored", mirrored=not base.mirrored)
-        mine = sorted(mine, key=lambda f: f.quality)[:4]
-        taken = [f.piece for f in mine]
+        mine = sorted((f for f in found.get(module, []) if not f.piece.calm), key=lambda f: f.quality)[:6]
         made = []
-        for angle in (0.0, 45.0, 90.0, 135.0, 180.0):
-            for distance in (0.3, 0.6 if angle < 60.0 else 0.5):
-                if not any(_near(f, sign * np.radians(angle), distance) for f in mine):
-                    name = f"{module}_{angle:.0f}_{distance * 100:.0f}cm"
-                    made.append(replace(base, module=module, name=name, angle=sign * angle, distance=distance))
-        out += taken + made
-        notes.append(f"{module}: {len(taken)} captured, {len(made)} carried from {base.name}")
+        if base is not None:
+            for angle in (0.0, 45.0, 90.0, 135.0, 180.0):
+                for distance in (0.3, 0.65 if angle < 60.0 else 0.5):
+                    if not any(_near(f, sign * np.radians(angle), distance) for f in mine):
+                        name = f"{module}_{angle:.0f}_{distance * 100:.0f}cm"
+                        made.append(replace(base, module=module, name=name, keys=STEP_TIMES, angle=sign * angle,
+                                            distance=distance, lift=0.07 + 0.06 * distance))  # fmt: skip
+        out += [f.piece for f in mine] + made
+        if out:
+            notes.append(f"{module}: {len(mine)} captured, {len(made)} made from standing")
     return out
 
 

@@ -15,6 +15,8 @@ HEAD = """\
 # file: below the folder. keys: seconds in the file (with loop: in it, repeated), at the events of the module.
 # mirrored: left and right exchanged. tilt, bend: degrees added, left and forward. duck: added, in 0.4 leg lengths.
 # angle, distance: carried that way (degrees to the left, metres). march: feet lifted higher, in leg lengths.
+# lift: metres that the feet are lifted to step from standing, at the keys of a step. calm: 1 lets the arms hang.
+# back: the loop is played there and back.
 """
 
 
@@ -38,11 +40,18 @@ class Piece:
     angle: float = 0.0
     distance: float = 0.0
     march: float = 0.0
+    calm: float = 0.0
+    lift: float = 0.0
+    back: bool = False
 
     @property
     def made(self) -> bool:
         """Whether it is edited rather than as it was captured."""
-        return self.mirrored or any((self.tilt, self.bend, self.duck, self.distance, self.march))
+        return (
+            self.mirrored
+            or self.back
+            or any((self.tilt, self.bend, self.duck, self.distance, self.march, self.calm, self.lift))
+        )
 
     @property
     def cycle(self) -> bool:
@@ -136,10 +145,13 @@ def _piece(row: dict[str, Any], at: str) -> Piece:
         if len(loop) != 2:
             raise RecipeError(f"{at}: loop must be two times")
         values["loop"] = (loop[0], loop[1])
-    if not isinstance(row.get("mirrored", False), bool):
-        raise RecipeError(f"{at}: mirrored must be true or false")
-    values["mirrored"] = row.get("mirrored", False)
-    for key in ("tilt", "bend", "duck", "angle", "distance", "march"):
+    for key in ("mirrored", "back"):
+        if not isinstance(row.get(key, False), bool):
+            raise RecipeError(f"{at}: {key} must be true or false")
+        values[key] = row.get(key, False)
+    if values["back"] and "loop" not in values:
+        raise RecipeError(f"{at}: back needs a loop to play there and back")
+    for key in ("tilt", "bend", "duck", "angle", "distance", "march", "calm", "lift"):
         value = row.get(key, 0.0)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 360.0:
             raise RecipeError(f"{at}: {key} must be a number within -360..360")

@@ -45,7 +45,8 @@ def picture(
 ) -> Image.Image:
     """The picture of a humanoid clip; ``keys`` (s) are drawn as lines through everything (else gait strikes are).
 
-    Left limbs are red, right ones blue. Each pose of the strip stands at its own time on the axis below, so that the way that the figure first faces goes to the right.
+    Left limbs are red, right ones blue. Each pose of the strip stands at its own time on the axis below;
+    the way that the figure first faces goes to the right.
     """
     on = contacts(clip) if flags is None else flags
     m = measure(clip, on)
@@ -114,7 +115,7 @@ def _bones(clip: Clip) -> list[tuple[int, int, Color]]:
 
 
 def view(points: Array, facing: float) -> Array:
-    """(..., 2) m: right and up on the picture of world points (..., 3), with ``facing`` (rad) going to the right and front."""
+    """(..., 2) m: right and up on the picture of world points (..., 3); ``facing`` (rad) goes to the right."""
     turned = rot.rotate(rot.yaw(-facing + np.radians(55.0)), points)
     c, s = np.cos(np.radians(12.0)), np.sin(np.radians(12.0))
     return np.stack([turned[..., 0], turned[..., 1] * c - turned[..., 2] * s], axis=-1)
