@@ -26,7 +26,7 @@ LOWEST_PELVIS = 0.25
 @kernel
 def keep_pelvis_over_feet(
     rig: Rig, exact: Array, pelvis: Array, hips: Array, points: Array, feet: Array, planted: Array, duck: float,
-    rise: bool,
+    rise: bool, near: bool,
 ) -> None:  # fmt: skip
     """Move the pelvis (3, m, in place) the least that lets the legs reach every planted foot.
 
@@ -34,12 +34,13 @@ def keep_pelvis_over_feet(
         exact: (4,) m, how far each limb reaches exactly (a `Base`'s).
         hips: (2, 3) m from the pelvis to each hip joint.
         duck: least hip to ankle as a share of the leg.
+        near: whether the pelvis also has to be near its feet (not while they step).
         rise: where the shins lean too far, rise instead of sitting back (balance needs the place).
     """
     forward, ahead = np.empty(3), np.array([0.0, 0.0, 1.0])
     v = np.empty(3)
     for _ in range(6):
-        worst = 0.0
+        worst = keep_near_feet(points, planted, pelvis) if near else 0.0
         for side in range(2):
             if planted[side] < 0.5:
                 continue
@@ -77,7 +78,6 @@ def keep_pelvis_over_feet(
                     pelvis[0] -= back * fx
                     pelvis[2] -= back * fz
                 worst = max(worst, back)
-        worst = max(worst, keep_near_feet(points, planted, pelvis))
         if worst < 1e-6:
             break
     pelvis[1] = max(pelvis[1], LOWEST_PELVIS)

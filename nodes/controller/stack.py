@@ -20,7 +20,7 @@ from bunraku.figure.rig import Rig
 from bunraku.figure.spring import lag, spring_to_into
 from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
 from bunraku.nodes.controller.blend import blend_point, blend_turn
-from bunraku.nodes.controller.collision import Contacts, avoid
+from bunraku.nodes.controller.collision import Contacts, avoid, place_limb
 from bunraku.nodes.controller.interaction import end_from_trunk, trunk_from_ends
 from bunraku.nodes.controller.legs import keep_pelvis_over_feet, landing_place, lean_room, pelvis_home
 from bunraku.nodes.controller.relaxing import (
@@ -42,6 +42,8 @@ Index = NDArray[np.int64]
 
 ROUNDS = 10
 """Most rounds of tracking and balance in one step."""
+PULL = 0.06
+"""m by which tracking pulls a limb's root in one round."""
 LAST_ROUNDS = 6
 """Most rounds in which balance alone has the last word."""
 ENOUGH = 2e-4
@@ -282,8 +284,8 @@ def turn_feet(rig: Rig, gains: Gains, st: State, under: Under, yaws: Array, dt: 
 
 @kernel
 def agree(
-    rig: Rig, gains: Gains, st: State, held: Held, under: Under, arms: Array, flags: Array, mass_share: float,
-    hull: Array, center: Array, rotations_ls: Array, positions_ws: Array, rotations_ws: Array,
+    rig: Rig, gains: Gains, st: State, held: Held, under: Under, contacts: Contacts, arms: Array, flags: Array,
+    mass_share: float, hull: Array, center: Array, rotations_ls: Array, positions_ws: Array, rotations_ws: Array,
 ) -> int:  # fmt: skip
     """Rounds of tracking and balance on trunk and pelvis until both are content; returns the hull's size.
 
@@ -304,8 +306,11 @@ def agree(
             rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
             rotations_ws,
         )  # fmt: skip
-        for limb in range(2):
-            if flags[1 + limb] < 0.5:
+        for limb in range(4):
+            if flags[1 + limb] > 0.5:
+                # As far as its joints go: what they hold back weighs where it is.
+                place_limb(rig, st, under, contacts.limits, limb, True, rotations_ls, positions_ws, rotations_ws)
+            elif limb < 2:
                 for k in range(3):
                     st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
         center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
@@ -336,8 +341,14 @@ def agree(
                         for k in range(3):
                             shift[k] += part[k]
             if lacking > 0:
+                size_ = 0.0
                 for k in range(3):
                     shift[k] /= lacking
+                    size_ += shift[k] * shift[k]
+                # In small strides: the legs' limits then turn the pelvis aside instead of pulling it down.
+                stride = min(1.0, PULL / max(sqrt(size_), 1e-9))
+                for k in range(3):
+                    shift[k] *= stride
                     rest[k] = shift[k]
                 if arm >= 0 and trunk_free:
                     reach_with_trunk(
@@ -382,7 +393,8 @@ def agree(
             blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
             keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
         keep_pelvis_over_feet(
-            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, last_word
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, last_word,
+            not stepping and not over,
         )  # fmt: skip
         moved = 0.0
         for k in range(3):
@@ -577,7 +589,7 @@ def advance(
         relaxed_pelvis[k] = st.points[0, k]
     keep_head(st, under)
     size = agree(
-        rig, gains, st, held, under, arms, flags, mass_share, hull, center, rotations_ls, positions_ws,
+        rig, gains, st, held, under, contacts, arms, flags, mass_share, hull, center, rotations_ls, positions_ws,
         rotations_ws,
     )  # fmt: skip
     if not over:

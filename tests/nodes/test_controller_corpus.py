@@ -226,11 +226,10 @@ def play(script: Script, hz: float = 60.0) -> Recording:
     targets: list[Targets] = []
     dt = 1.0 / hz
     asked = 0
-    # The input comes 60 times a second, whatever the controller does.
+    # The input comes as often as the controller steps, which is when it comes.
     for n in range(round(script.seconds * hz)):
         t = (n + 1) * dt
-        sampled = np.floor(t * 60.0 + 1e-6) / 60.0
-        held = script.at(sampled, start)
+        held = script.at(t, start)
         targets.append(held)
         for part in (*PARTS, *HINGES, "trunk", "head", "yaw"):
             stack.hold(part, held.get(part))
