@@ -26,6 +26,7 @@ import math
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -185,7 +186,7 @@ def part_places() -> dict[str, Array]:
         down /= np.linalg.norm(down)
         chain = [skeleton.role(side + part) for part in ("UpperArm", "LowerArm", "Hand")]
         place = joints[chain[0]]
-        for above, below in zip(chain, chain[1:], strict=False):
+        for above, below in pairwise(chain):
             place = joints[below] = place + down * np.linalg.norm(skeleton.offsets[below])
             middles[above] = 0.5 * (joints[above] + place)
         middles[chain[-1]] = place + down * np.linalg.norm(skeleton.box_centers[chain[-1]])

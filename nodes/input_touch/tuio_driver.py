@@ -4,7 +4,7 @@ import ipaddress
 import select
 import socket
 
-from bunraku.nodes.input_touch.driver import Driver, DriverProblem
+from bunraku.nodes.input_touch.driver import Driver, DriverProblem, Frame
 from bunraku.nodes.input_touch.tuio import BadDatagram, TuioDecoder
 
 SECOND = 1_000_000_000
@@ -40,6 +40,7 @@ class TuioDriver(Driver):
             ) from None
         self.port = int(self.socket.getsockname()[1])
         self.told_late = 0
+        self.devices: set[str] = set()
         self.host.add_reader(self.socket.fileno(), self.read)
         self.host.log.info("hears TUIO on %s:%d", host, self.port)
 
@@ -50,6 +51,7 @@ class TuioDriver(Driver):
     def keep(self, now: int) -> None:
         gone = self.decoder.silent(now - round(float(self.host.option("lost")) * SECOND))
         for device in gone:
+            self.devices.discard(device)
             self.host.gone(device, "the sender fell silent")
         if self.decoder.late != self.told_late and now % SECOND < SECOND // 10:
             self.host.log.info("%d datagrams came too late and were left out", self.decoder.late - self.told_late)
@@ -66,7 +68,7 @@ class TuioDriver(Driver):
                 break
             self._drain()
         for frame in self.decoder.flush(self.host.clock()):
-            self.host.frame(frame)
+            self._say(frame)
 
     def _drain(self) -> None:
         for _ in range(BURST):
@@ -83,4 +85,11 @@ class TuioDriver(Driver):
                 self.host.garbage(f"datagram of {len(body)} bytes from {address[0]}: {error}")
                 continue
             for frame in frames:
-                self.host.frame(frame)
+                self._say(frame)
+
+    def _say(self, frame: Frame) -> None:
+        if frame.device not in self.devices:
+            self.devices.add(frame.device)
+            size = self.decoder.size_m
+            self.host.connected(frame.device, size_m=size, fields=["major", "minor", "angle"] if size else [])
+        self.host.frame(frame)
