@@ -213,6 +213,7 @@ def avoid(
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
     goal, start = np.empty(3), np.empty(3)
     limits = contacts.limits
+    st.mode[2] = 0.0
     order = np.array([0, 1, 2, 3])
     count = 0
     for rank in range(3):
@@ -243,6 +244,7 @@ def avoid(
                 for k in range(3):
                     st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
             continue
+        st.mode[2] = 1.0
         # From the last place, where it was free unless the body moved.
         for k in range(3):
             st.points[row, k] = start[k]

@@ -17,8 +17,8 @@ HIP_FLEXION, FOLD = 1.95, 2.35
 """rad: how far a hip bends, and how far trunk and thigh fold before they touch."""
 NARROW, WIDE, LONG = 0.12, 0.45, 0.28
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
-NEAR_BOTH, NEAR_ONE = 0.17, 0.20
-"""m: how far the pelvis gets from the line between both feet, or from the one that stands."""
+NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.07, 0.20
+"""m: how far the pelvis gets from the line between both feet, past its ends, or from the one that stands."""
 LOWEST_PELVIS = 0.25
 """m above the floor."""
 
@@ -90,19 +90,22 @@ def keep_near_feet(points: Array, planted: Array, pelvis: Array) -> float:
         return 0.0
     a = 3 if planted[0] > 0.5 else 4
     b = 4 if planted[1] > 0.5 else 3
-    most = NEAR_BOTH if a != b else NEAR_ONE
     ex, ez = points[b, 0] - points[a, 0], points[b, 2] - points[a, 2]
     x, z = pelvis[0] - points[a, 0], pelvis[2] - points[a, 2]
-    length = ex * ex + ez * ez
-    t = min(1.0, max(0.0, (x * ex + z * ez) / length)) if length > 1e-9 else 0.0
-    x, z = x - t * ex, z - t * ez
-    d = sqrt(x * x + z * z)
-    if d <= most:
-        return 0.0
-    off = 1.0 - most / d
-    pelvis[0] -= off * x
-    pelvis[2] -= off * z
-    return d - most
+    length = sqrt(ex * ex + ez * ez)
+    if length < 1e-6:
+        d = sqrt(x * x + z * z)
+        keep = min(1.0, NEAR_ONE / max(d, 1e-9))
+        pelvis[0] += (keep - 1.0) * x
+        pelvis[2] += (keep - 1.0) * z
+        return (1.0 - keep) * d
+    ex, ez = ex / length, ez / length
+    along, across = x * ex + z * ez, z * ex - x * ez
+    to_along = min(length + BESIDE, max(-BESIDE, along))
+    to_across = min(NEAR_BOTH, max(-NEAR_BOTH, across))
+    pelvis[0] += (to_along - along) * ex - (to_across - across) * ez
+    pelvis[2] += (to_along - along) * ez + (to_across - across) * ex
+    return abs(to_along - along) + abs(to_across - across)
 
 
 @kernel

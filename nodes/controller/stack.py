@@ -56,6 +56,8 @@ UNPLANT = 0.01
 """m that a held foot is pulled before it leaves its place."""
 KNEE_LIFT = 0.10
 """m that a held knee is pulled before it lifts its foot."""
+SWIVEL_PER_WAY, SWIVEL_RATE = 12.0, 0.3
+"""rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
 HANG = (0.17, -0.97, 0.10)
 """Direction of the left arm at rest."""
 
@@ -155,17 +157,20 @@ def shoulders_of(rig: Rig, positions_ws: Array, out: Array) -> None:
 
 
 @kernel
-def held_hinge(rig: Rig, limb: int, held: Held, positions_ws: Array, out: Array) -> None:
+def held_hinge(rig: Rig, st: State, limb: int, held: Held, positions_ws: Array, out: Array) -> None:
     """Where a limb's end goes (3, m) when its elbow or knee is held: the bone beyond keeps its direction."""
     upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
+    if st.held[8 + limb] < 0.5:
+        for k in range(3):
+            st.beyond[limb, k] = positions_ws[end, k] - positions_ws[lower, k]
+        st.held[8 + limb] = 1.0
     d = 0.0
     for k in range(3):
         out[k] = held.hinges[limb, k] - positions_ws[upper, k]
         d += out[k] * out[k]
     d = max(sqrt(d), 1e-6)
     for k in range(3):
-        beyond = positions_ws[end, k] - positions_ws[lower, k]
-        out[k] = positions_ws[upper, k] + out[k] * rig.lengths[limb, 0] / d + beyond
+        out[k] = positions_ws[upper, k] + out[k] * rig.lengths[limb, 0] / d + st.beyond[limb, k]
 
 
 @kernel
@@ -183,10 +188,12 @@ def move_ends(
     for limb in range(4):
         row = limb + 1
         driven = held.flags[row] > 0.5
+        if held.flags[8 + limb] < 0.5:
+            st.held[8 + limb] = 0.0
         for k in range(3):
             aim[k] = held.points[row, k]
         if not driven and held.flags[8 + limb] > 0.5:
-            held_hinge(rig, limb, held, positions_ws, aim)
+            held_hinge(rig, st, limb, held, positions_ws, aim)
             driven = True
             if limb >= 2 and st.lift[limb - 2] < 0.5:
                 away = 0.0
@@ -277,8 +284,9 @@ def turn_feet(rig: Rig, gains: Gains, st: State, under: Under, yaws: Array, dt: 
                 yaw_turn(st.heading[0], facing)
                 slerp(st.feet[side], facing, lag(0.08, dt), st.feet[side])
             st.feet_level[side] = level_weight(height)
+        # A foot that comes down supports at once; one that is lifted leaves the polygon bit by bit.
         st.support[side] += (st.planted[side] - st.support[side]) * lag(gains.support_time, dt)
-        if abs(st.planted[side] - st.support[side]) < 1e-3:
+        if st.planted[side] > 0.5 or st.support[side] < 1e-3:
             st.support[side] = st.planted[side]
 
 
@@ -423,11 +431,12 @@ def nothing_driven(st: State, flags: Array, held: Held) -> bool:
 @kernel
 def turn_hinges(
     rig: Rig, gains: Gains, st: State, held: Held, under: Under, positions_ws: Array, rotations_ws: Array,
-    plain: Array, dt: float,
+    before: Array, plain: Array, dt: float,
 ) -> None:  # fmt: skip
     """The swivels: the examples', the motion's difference from them, a held elbow or knee, collisions'.
 
-    ``plain`` (4) is written: where they go without collisions.
+    ``before`` (5, 3) are the points of the last step; ``plain`` (4) is written: where the swivels go without
+    collisions.
     """
     axis, pole = np.empty(3), np.empty(3)
     for limb in range(4):
@@ -460,6 +469,14 @@ def turn_hinges(
         spring_to_into(st.extra[limb : limb + 1], st.extra_rates[limb : limb + 1], aim, gains.swivel_half_life, dt)
         if st.mode[0] < 1.5:
             st.extra[limb], st.extra_rates[limb] = aim[0], 0.0
+        elif held.flags[8 + limb] < 0.5:
+            way = 0.0
+            for k in range(3):
+                way += (
+                    st.points[1 + limb, k] - positions_ws[upper, k] - before[1 + limb, k] + st.roots[limb, k]
+                ) ** 2
+            most = SWIVEL_PER_WAY * sqrt(way) + SWIVEL_RATE * dt
+            st.extra[limb] = now + min(most, max(-most, st.extra[limb] - now))
         st.swivels[limb] = under.swivels[limb] + st.extra[limb]
 
 
@@ -492,7 +509,7 @@ def advance(
             for limb in range(2):
                 for k in range(3):
                     st.points[1 + limb, k] = st.roots[limb, k] + goals[1 + limb, k]
-            turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, plain, dt)
+            turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, before, plain, dt)
         st.mode[0] = 2.0
     for n in range(5):
         for k in range(3):
@@ -598,7 +615,7 @@ def advance(
             for k in range(3):
                 if flags[1 + limb] < 0.5:
                     st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
-    turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, plain, dt)
+    turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, before, plain, dt)
     reconstruct_into(
         rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
         rotations_ws,
@@ -640,13 +657,15 @@ def advance(
             v[k] = st.points[0, k] - relaxed_pelvis[k]
         take_away(st.velocities[0], v, span)
     for limb in range(2):
+        row = 1 + limb
         for k in range(3):
-            if flags[1 + limb] < 0.5:
-                arm = st.points[1 + limb, k] - positions_ws[rig.limbs[limb, 0], k]
-                st.velocities[1 + limb, k] = (arm - carried[1 + limb, k]) / span
+            shoulder = positions_ws[rig.limbs[limb, 0], k]
+            if flags[row] < 0.5:
+                v[k] = st.points[row, k] - shoulder - arms[limb, k]
             else:
-                shoulder = positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
-                st.velocities[1 + limb, k] = (st.points[1 + limb, k] - before[1 + limb, k] - shoulder) / span
+                st.velocities[row, k] = (st.points[row, k] - before[row, k] - shoulder + st.roots[limb, k]) / span
+        if flags[row] < 0.5:
+            take_away(st.velocities[row], v, span)
     shoulders_of(rig, positions_ws, st.roots)
     for n in range(5):
         for k in range(3):

@@ -40,7 +40,7 @@ class Gains(NamedTuple):
     """Time constant of the last bit of relaxing."""
     ease_time: float = 0.05
     """Time constant with which a relaxing part takes up its speed."""
-    half_life: float = 0.1
+    half_life: float = 0.08
     """Half-life of what a grab, a release or a jump of the target leaves to even out."""
     swivel_half_life: float = 0.04
     """Half-life with which elbows and knees follow their swivel."""
@@ -101,8 +101,9 @@ class State(NamedTuple):
     turn_offsets: Array  # (2, 3) rad
     turn_offset_rates: Array  # (2, 3)
     pelvis_rest: Array  # (3,) m, where the pelvis was left against its place over the feet
+    beyond: Array  # (4, 3) m, forearm or shin when its elbow or knee was grabbed
     lift: Array  # (2,) a foot that a held knee has lifted
-    mode: Array  # (2,) started, over a motion
+    mode: Array  # (3,) started, over a motion, something touches
     step: Array  # (32,) see bunraku.nodes.controller.step
 
 
@@ -112,7 +113,8 @@ _SHAPES = {
     "support": (2,), "heading": (2,), "roots": (4, 3), "goals": (5, 3), "goal_turns": (2, 4), "held": (12,),
     "targets": (5, 3), "aims": (5, 3),
     "target_turns": (2, 4), "offsets": (5, 3), "offset_rates": (5, 3), "turn_offsets": (2, 3),
-    "turn_offset_rates": (2, 3), "pelvis_rest": (3,), "lift": (2,), "mode": (2,), "step": (32,),
+    "turn_offset_rates": (2, 3), "pelvis_rest": (3,), "beyond": (4, 3), "lift": (2,),
+    "mode": (3,), "step": (32,),
 }  # fmt: skip
 STATE_SIZE = sum(int(np.prod(shape)) for shape in _SHAPES.values())
 

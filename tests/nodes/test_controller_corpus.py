@@ -60,7 +60,7 @@ def q(axis: str, degrees: float) -> np.ndarray:
     return out
 
 
-def drag(part: str, *places: tuple[float, float, float], pace: float = 0.8, hold: float = 1.2, name: str = "",
+def drag(part: str, *places: tuple[float, float, float], pace: float = 0.8, hold: float = 2.0, name: str = "",
          release: float = 0.0, reachable: bool = False) -> Script:  # fmt: skip
     """Grab a part after 0.2 s, take it through places relative to where it was, hold it still, let it go."""
     drags = len(places) * pace
@@ -83,7 +83,7 @@ def jumps(part: str, places: list[tuple[float, float, float]], every: float, nam
         n = min(int((t - 0.2) / every), len(places) - 1)
         return {part: start[part] + np.array(places[n])}
 
-    return Script(name, 0.2 + every * len(places) + 1.5, at, reachable=(part,) if reachable else ())
+    return Script(name, 0.2 + every * len(places) + 2.5, at, reachable=(part,) if reachable else ())
 
 
 def together(name: str, *scripts: Script, steps: tuple = ()) -> Script:
@@ -102,7 +102,7 @@ def turning(part: str, value: Callable[[float], object], seconds: float, name: s
 
 
 def stepping(goal: tuple[float, float, float], name: str) -> Script:
-    return Script(name, 3.0, lambda t, start: {}, steps=((0.3, goal),))
+    return Script(name, 4.5, lambda t, start: {}, steps=((0.3, goal),))
 
 
 @cache
@@ -118,9 +118,9 @@ def corpus() -> tuple[Script, ...]:
         drag("left_hand", (-0.15, 0.70, 0.15), name="to the face", reachable=False),
         drag("left_hand", *wave, pace=0.3, name="wave", reachable=True),
         drag("right_hand", (0.10, 0.35, 0.20), (0.10, 0.45, 0.75), pace=0.25, name="punch", reachable=True),
-        drag("left_hand", (0.02, 0.40, 0.50), name="point", release=2.5),
-        drag("right_hand", (-0.10, 0.80, 0.30), name="release overhead", release=4.0),
-        drag("left_hand", (0.1, 0.30, 0.40), pace=0.15, hold=0.1, name="flick and let go", release=2.0),
+        drag("left_hand", (0.02, 0.40, 0.50), name="point", release=5.0),
+        drag("right_hand", (-0.10, 0.80, 0.30), name="release overhead", release=6.0),
+        drag("left_hand", (0.1, 0.30, 0.40), pace=0.15, hold=0.1, name="flick and let go", release=4.0),
         # Beyond reach.
         drag("left_hand", (0.1, 0.45, 0.75), name="lean ahead", reachable=True),
         drag("left_hand", (0.1, -0.55, 0.55), name="down to the knee", reachable=True),
@@ -145,10 +145,10 @@ def corpus() -> tuple[Script, ...]:
         jumps("right_foot", [(0.0, 0.5, 0.4), (-0.3, 0.3, 0.1)], 0.5, "foot jumps", True),
         # Feet.
         drag("right_foot", (0.0, 0.45, 0.35), name="raise a knee", reachable=True),
-        drag("right_foot", (0.0, 0.35, 0.1), (0.0, 0.75, 0.75), pace=0.3, name="kick", release=2.5),
+        drag("right_foot", (0.0, 0.35, 0.1), (0.0, 0.75, 0.75), pace=0.3, name="kick", release=4.0),
         drag("left_foot", (0.45, 0.35, 0.05), name="kick aside"),
         drag("left_foot", (0.0, 0.20, -0.35), name="leg behind", reachable=True),
-        drag("right_foot", (-0.25, 0.12, 0.15), (-0.25, 0.0, 0.15), name="place a foot", release=1.5),
+        drag("right_foot", (-0.25, 0.12, 0.15), (-0.25, 0.0, 0.15), name="place a foot", release=3.0),
         drag("left_foot", (0.0, 2.5, 0.5), name="foot out of reach"),
         # Pelvis.
         drag("pelvis", (0.0, -0.22, -0.06), name="duck", reachable=True),
