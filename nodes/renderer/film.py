@@ -59,10 +59,14 @@ class Film:
     def feed(self, now: int, topic: str, message: Message) -> None:
         """A message was heard at ``now`` (ns); frames due before it are written first."""
         self.advance(now)
+        self.hear(topic, message)
+        if self.start is None and self.scene.ready:
+            self.start = now
+
+    def hear(self, topic: str, message: Message) -> None:
+        """Take a message for the next frame; nothing is written."""
         if self.scene.hear(topic, message):
             self._changed = True
-            if self.start is None and self.scene.ready:
-                self.start = now
 
     def due(self, now: int) -> int:
         """Frames that are due before ``now`` (ns) and not yet written."""

@@ -103,7 +103,10 @@ class Canvas:
         self, text: str, x: float, y: float, height: float, color: Sequence[float], middle: bool = False
     ) -> None:
         """A line whose base line begins at (x, y) pixels (or is centred there), with a light halo."""
-        letters, halo, rise = _letters(text, max(6, round(height)))
+        if not (np.isfinite(x) and np.isfinite(y)) or abs(x) > 4 * self.width or abs(y) > 4 * self.height:
+            return
+        size = round(min(max(height, 6.0), 0.25 * self.height))
+        letters, halo, rise = _letters(text[: 2 + 6 * self.width // size], size)
         left = round(x - (letters.shape[1] / 2 if middle else 0.0))
         top = round(y) - rise
         self.blend(halo, left, top, (1.0, 1.0, 1.0, 0.55 * color[3]))
@@ -302,7 +305,7 @@ def _font(size: int) -> "ImageFont.ImageFont | ImageFont.FreeTypeFont":
     return ImageFont.load_default(size)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=96)
 def _letters(text: str, size: int) -> tuple[Pixels, Pixels, int]:
     """Masks of a line and of its halo, and the rows above its base line."""
     font = _font(size)

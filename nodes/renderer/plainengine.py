@@ -231,7 +231,7 @@ class PillowEngine:
         albedo = np.array(tint, np.float32) ** 2
         light = albedo * (
             (low + (high - low) * up) * contact + np.array((0.10, 0.11, 0.13), np.float32) * fill
-            + np.array((1.22, 1.13, 1.00), np.float32) * lit
+            + np.array((1.12, 1.04, 0.93), np.float32) * lit
         )  # fmt: skip
         light += (shine**48 * 0.17 + shine**10 * 0.05) * lit
         light += np.array((0.20, 0.23, 0.28), np.float32) * edge**3 * up

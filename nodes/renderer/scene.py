@@ -34,6 +34,8 @@ class Scene:
         self._moved = 0
         self._skeletons: dict[str, Skeleton] = {}
         self._poses: dict[str, Pose] = {}
+        self._early: dict[str, Pose] = {}
+        """Poses whose skeleton is still on its way."""
         self._placed: dict[str, tuple[Pose, Figure]] = {}
         self._overlays: dict[str, Overlay] = {}
 
@@ -61,6 +63,10 @@ class Scene:
         if name not in self.figures:
             return False
         if rest == "pose" and isinstance(message, Pose):
+            skeleton = self._skeletons.get(name)
+            if skeleton is None or not _fits(message, skeleton):
+                self._early[name] = message
+                return False
             self._poses[name] = message
             return True
         if rest == "skeleton" and isinstance(message, SkeletonMessage):
@@ -79,6 +85,10 @@ class Scene:
         if known is None or known.hash != skeleton.hash:
             self._skeletons[name] = skeleton
             self._placed.pop(name, None)
+            self._poses.pop(name, None)
+            early = self._early.pop(name, None)
+            if early is not None and _fits(early, skeleton):
+                self._poses[name] = early
         return True
 
     @property
@@ -107,8 +117,6 @@ class Scene:
         kept = self._placed.get(name)
         if kept is not None and kept[0] is pose:
             return kept[1]
-        if len(pose.rotations) != len(skeleton) or pose.skeleton not in ("", skeleton.hash):
-            return kept[1] if kept is not None else None  # the skeleton of this pose is still on its way
         figure = Figure(skeleton, *fk(skeleton, pose.root.astype(np.float64), pose.rotations.astype(np.float64)))
         self._placed[name] = (pose, figure)
         return figure
@@ -124,7 +132,7 @@ class Scene:
             return default.camera()
         spots = np.concatenate([figure.positions_ws for figure in figures])
         spread = float(np.ptp(spots[:, [0, 2]], axis=0).max())
-        tall = max(figure.skeleton.rest_positions[:, 1].max() for figure in figures) / 1.61
+        tall = max(figure.skeleton.rest_positions[:, 1].max() for figure in figures) / 1.525
         distance = default.distance * max(tall, 0.1) + max(0.0, spread - 1.6 * tall)
         goal = (middle[0], default.center[1] * max(tall, 0.1), middle[1])
         if self._orbit is None:
@@ -138,6 +146,10 @@ class Scene:
             )
         self._moved = now
         return self._orbit.camera()
+
+
+def _fits(pose: Pose, skeleton: Skeleton) -> bool:
+    return len(pose.rotations) == len(skeleton) and pose.skeleton in ("", skeleton.hash)
 
 
 def paint(engine: Engine, view: View, width: int, height: int, overlays: bool = True) -> Pixels:

@@ -59,7 +59,7 @@ void main()
     float gloss = pow(high, 48.0) * 0.17 + pow(high, 10.0) * 0.05;
     float edge = 1.0 - max(dot(n, view), 0.0);
     float rim = edge * edge * edge;
-    vec3 light = v_color * (sky * contact + fill + vec3(1.22, 1.13, 1.00) * lit);
+    vec3 light = v_color * (sky * contact + fill + vec3(1.12, 1.04, 0.93) * lit);
     light += gloss * lit + vec3(0.20, 0.23, 0.28) * rim * up;
     light = light * (1.0 + 0.06 * light) / (1.0 + 0.20 * light);
     color = vec4(sqrt(light), 1.0);
