@@ -1,7 +1,7 @@
 // Draws the overlays' sheets, and keeps the letters that they need in one texture.
 
 import {attributes, drawArrays, link} from "./gl.js";
-import {lay, Sheet, WORDS} from "./overlays.js";
+import {layAll, Sheet, WORDS} from "./overlays.js";
 
 const VERTEX = `
 layout(location=0) in vec3 at; layout(location=1) in vec2 place; layout(location=2) in vec4 color;
@@ -10,13 +10,16 @@ void main() { uv = place; tint = color; gl_Position = matrix * vec4(at, 1.0); }`
 
 const FRAGMENT = `
 precision highp float;
-in vec2 uv; in vec4 tint; uniform sampler2D letters; out vec4 color;
+in vec2 uv; in vec4 tint; uniform sampler2D letters; uniform float night; out vec4 color;
 void main() {
-  float cover = uv.x < 0.0 ? 1.0 : texture(letters, uv).r;
-  color = vec4(tint.rgb, 1.0) * (tint.a * cover);
+  if (uv.x < 0.0) { color = vec4(tint.rgb, 1.0) * tint.a; return; }
+  vec2 cover = texture(letters, uv).rg; // of the letter, and of its halo
+  vec3 ink = night > 0.5 ? mix(tint.rgb, vec3(1.0), 0.5) : tint.rgb * 0.55;
+  color = vec4(ink, 1.0) * cover.r * min(1.0, 0.25 + tint.a)
+    + vec4(vec3(1.0 - night), 1.0) * (1.0 - cover.r) * cover.g * 0.55 * tint.a;
 }`;
 
-const ATLAS = 512, CELL = 40, FONT = 30; // pixels
+const ATLAS = 512, CELL = 40, FONT = 30, EDGE = 4; // pixels
 
 /** Glyphs drawn once each by the browser's own text engine. */
 export class Alphabet {
@@ -35,25 +38,36 @@ export class Alphabet {
     this.texture = gl.createTexture();
   }
 
-  /** White on black: the red channel then holds how much of a pixel a letter covers. */
+  /** On black, red then holds how much of a pixel a letter covers, and green its halo. */
   wipe() {
     this.pen.fillStyle = "#000";
+    this.pen.globalCompositeOperation = "source-over";
     this.pen.fillRect(0, 0, ATLAS, ATLAS);
-    this.pen.fillStyle = "#fff";
+    this.pen.globalCompositeOperation = "lighter";
+    this.pen.fillStyle = "#f00";
+    this.pen.strokeStyle = "#0f0";
+    this.pen.lineWidth = 6;
+    this.pen.lineJoin = "round";
   }
 
   /** @param {string} letter */
   glyph(letter) {
     let found = this.glyphs.get(letter);
     if (found) return found;
-    const w = Math.min(ATLAS, Math.ceil(this.pen.measureText(letter).width) + 2);
+    const w = Math.min(ATLAS, Math.ceil(this.pen.measureText(letter).width) + 2 * EDGE);
     if (this.next.x + w > ATLAS) this.next = {x: 0, y: this.next.y + CELL};
     if (this.next.y + CELL > ATLAS) { // full: begin again
       this.glyphs.clear();
       this.wipe();
       this.next = {x: 0, y: 0};
     }
-    this.pen.fillText(letter, this.next.x + 1, this.next.y + 0.8 * CELL);
+    this.pen.save();
+    this.pen.beginPath();
+    this.pen.rect(this.next.x, this.next.y, w, CELL);
+    this.pen.clip();
+    this.pen.strokeText(letter, this.next.x + EDGE, this.next.y + 0.8 * CELL);
+    this.pen.fillText(letter, this.next.x + EDGE, this.next.y + 0.8 * CELL);
+    this.pen.restore();
     found = {x: this.next.x, y: this.next.y, w};
     this.glyphs.set(letter, found);
     this.next.x += w;
@@ -66,8 +80,8 @@ export class Alphabet {
     let x = 0;
     const glyphs = [...text].map((letter) => {
       const {x: left, y: top, w} = this.glyph(letter);
-      const one = {x, w: w / CELL, u: [left / ATLAS, top / ATLAS, (left + w) / ATLAS, (top + CELL) / ATLAS]};
-      x += (w - 2) / CELL;
+      const one = {x: x - EDGE / CELL, w: w / CELL, u: [left / ATLAS, top / ATLAS, (left + w) / ATLAS, (top + CELL) / ATLAS]};
+      x += (w - 2 * EDGE) / CELL;
       return one;
     });
     return {width: x, glyphs};
@@ -78,7 +92,7 @@ export class Alphabet {
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
     if (!this.changed) return;
     this.changed = false;
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, gl.RED, gl.UNSIGNED_BYTE, this.canvas);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RG8, gl.RG, gl.UNSIGNED_BYTE, this.canvas);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
@@ -91,7 +105,7 @@ export class Ink {
     this.gl = gl;
     this.program = link(gl, VERTEX, FRAGMENT);
     this.letters = new Alphabet(gl);
-    this.sheets = {world: new Sheet(), picture: new Sheet()};
+    this.sheets = {ground: new Sheet(), world: new Sheet(), picture: new Sheet()};
     this.array = gl.createVertexArray();
     gl.bindVertexArray(this.array);
     this.capacity = this.sheets.world.data.byteLength;
@@ -104,15 +118,16 @@ export class Ink {
   }
 
   /**
-   * @param {Iterable<import("./wire.js").Primitive>} primitives @param {import("./view.js").View} view
-   * @param {number} aspect @param {import("./overlays.js").Box} panel @param {number[]} parents
+   * @param {Iterable<{primitives: import("./wire.js").Primitive[]}>} layers @param {import("./view.js").View} view
+   * @param {number} aspect @param {boolean} dark @param {number[]} parents
    */
-  draw(primitives, view, aspect, panel, parents) {
-    const gl = this.gl, {world, picture} = this.sheets;
+  draw(layers, view, aspect, dark, parents) {
+    const gl = this.gl, {ground, world, picture} = this.sheets;
+    ground.clear();
     world.clear();
     picture.clear();
-    for (const one of primitives) lay(this.sheets, one, view, aspect, panel, this.letters, parents);
-    if (!world.count && !picture.count) return;
+    layAll(this.sheets, layers, view, aspect, this.letters, parents);
+    if (!ground.count && !world.count && !picture.count) return;
     const {program, at} = this.program;
     gl.useProgram(program);
     gl.bindVertexArray(this.array);
@@ -120,12 +135,12 @@ export class Ink {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
-    if (world.count) {
-      gl.uniformMatrix4fv(at.matrix, false, view.matrix);
-      this.pour(world);
-    }
+    gl.uniform1f(at.night, dark ? 1 : 0);
+    gl.uniformMatrix4fv(at.matrix, false, view.matrix);
+    if (ground.count) this.pour(ground);
+    gl.disable(gl.DEPTH_TEST);
+    if (world.count) this.pour(world);
     if (picture.count) {
-      gl.disable(gl.DEPTH_TEST);
       gl.uniformMatrix4fv(at.matrix, false, [2 / aspect, 0, 0, 0, 0, -2, 0, 0, 0, 0, 1, 0, -1, 1, 0, 1]);
       this.pour(picture);
     }

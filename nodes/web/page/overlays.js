@@ -1,5 +1,6 @@
 // Overlays as triangles: circles, lines, polygons, points, stick figures, bars and words.
-// Everything is laid into one list for the world and one for the picture: two draw calls, however much there is.
+// Everything is laid into three lists: what lies on the ground, what stands in the world (drawn over the figure) and
+// what is on the picture. So there are three draw calls, however much there is.
 
 import {project} from "./view.js";
 
@@ -10,6 +11,14 @@ import {project} from "./view.js";
 /** Numbers a vertex has: x, y, z, u, v and a colour in four bytes. */
 export const WORDS = 6;
 const SEGMENTS = 40;
+const GROUND = 0.03; // m, height below which a thing lies on the ground, under the figure
+const LABEL = 0.026; // of the picture's height
+const RING = 0.0045; // of the picture's height, thickness of a circle's rim
+const FILL = 0.24; // share of its colour's opacity with which a circle is filled
+const BAR = 0.03; // m, or share of the panel's height
+const CARD = [1, 1, 1, 0.62];
+/** The first panel's place in shares of the picture; others follow to its right. @type {Box} */
+export const PANEL = {x: 0.015, y: 0.68, width: 0.3, height: 0.3};
 
 /** A growing list of triangles. */
 export class Sheet {
@@ -126,30 +135,53 @@ export function words(sheet, letters, text, at, height, align = 0) {
 }
 
 /**
+ * Lay all that nodes want to be drawn; each node's panel gets a card of its own.
+ * @param {Sheets} sheets @param {Iterable<{primitives: Primitive[]}>} layers @param {View} view @param {number} aspect
+ * @param {Letters} letters @param {number[]} parents @param {Box} [panel]
+ */
+export function layAll(sheets, layers, view, aspect, letters, parents, panel = PANEL) {
+  let panels = 0;
+  for (const {primitives} of layers) {
+    const box = {...panel, x: panel.x + panels * (panel.width + 0.01)};
+    if (primitives.some((one) => one.space === "panel")) {
+      panels++;
+      const [x0, x1] = [box.x * aspect, (box.x + box.width) * aspect], [y0, y1] = [box.y, box.y + box.height];
+      sheets.picture.color(CARD);
+      sheets.picture.quad([x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]);
+    }
+    for (const one of primitives) lay(sheets, one, view, aspect, box, letters, parents);
+  }
+}
+
+/** @typedef {{ground: Sheet, world: Sheet, picture: Sheet}} Sheets */
+
+/**
  * Lay one primitive.
- * @param {{world: Sheet, picture: Sheet}} sheets @param {Primitive} primitive @param {View} view
+ * @param {Sheets} sheets @param {Primitive} primitive @param {View} view
  * @param {number} aspect @param {Box} panel @param {Letters} letters
  * @param {number[]} parents of the figure, for stick figures
  */
 export function lay(sheets, primitive, view, aspect, panel, letters, parents) {
   const world = primitive.space === "world";
-  const sheet = world ? sheets.world : sheets.picture;
   const points = placed(primitive, aspect, panel);
+  const low = world && points.every((p) => p[1] < GROUND);
+  const sheet = low ? sheets.ground : world ? sheets.world : sheets.picture;
   const scale = primitive.space === "panel" ? panel.height : 1;
-  const size = primitive.size * scale;
+  const size = primitive.size * scale, color = primitive.color;
   const facing = world ? view : null;
   const right = world ? view.axes.slice(0, 3) : [1, 0, 0], up = world ? view.axes.slice(3, 6) : [0, 1, 0];
-  sheet.color(primitive.color);
+  /** @param {number} share */
+  const faint = (share) => [...color.slice(0, 3), Math.min(1, color[3] * share)];
+  sheet.color(color);
   switch (primitive.kind) {
     case "circle":
       for (const p of points) {
-        if (world) disc(sheet, [p[0], p[1] + 0.004, p[2]], size, [1, 0, 0], [0, 0, 1], 1 - Math.min(0.5, 0.012 / size));
-        else {
-          disc(sheet, p, size, right, up, 1 - Math.min(0.5, 0.004 / size));
-          sheet.color([...primitive.color.slice(0, 3), primitive.color[3] * 0.22]);
-          disc(sheet, p, size, right, up, 0);
-          sheet.color(primitive.color);
-        }
+        const rim = world ? Math.max(0.006, RING * heightAt(view, p)) : RING;
+        const [u, v] = world ? [[1, 0, 0], [0, 0, 1]] : [right, up];
+        sheet.color(color);
+        disc(sheet, p, size, u, v, Math.max(0, 1 - rim / (size || 1)));
+        sheet.color(faint(FILL));
+        if (size > rim) disc(sheet, p, size - rim, u, v, 0);
       }
       break;
     case "points":
@@ -160,6 +192,10 @@ export function lay(sheets, primitive, view, aspect, panel, letters, parents) {
       break;
     case "polygon":
       for (let i = 2; i < points.length; i++) sheet.triangle(points[0], points[i - 1], points[i]);
+      sheet.color(faint(1.6));
+      for (let i = 0; world && i < points.length; i++) {
+        stroke(sheet, points[i], points[(i + 1) % points.length], size, facing);
+      }
       break;
     case "figure":
       points.forEach((p, j) => {
@@ -169,7 +205,7 @@ export function lay(sheets, primitive, view, aspect, panel, letters, parents) {
       });
       break;
     case "bar":
-      if (points.length >= 2) layBar(sheet, points[0], points[1], primitive, world ? 0.03 : 0.02 * scale, facing);
+      if (points.length >= 2) layBar(sheet, points[0], points[1], primitive, BAR * scale, facing);
       break;
     case "text":
       break;
@@ -190,19 +226,26 @@ function layBar(sheet, a, b, primitive, width, facing) {
   stroke(sheet, a, a.map((v, k) => v + share * (b[k] - v)), width, facing);
 }
 
+/** Metres that the picture's height spans at a place. @param {View} view @param {number[]} p */
+function heightAt(view, p) {
+  return view.scale * (view.ortho ? 1 : Math.max(0, project(view, p).depth));
+}
+
 /**
  * @param {Sheet} sheet of the picture @param {Primitive} primitive @param {number[][]} points @param {View} view
  * @param {number} aspect @param {number} scale @param {Letters} letters
  */
 function layLabel(sheet, primitive, points, view, aspect, scale, letters) {
   const text = primitive.kind === "text";
-  let at = points[0], height = (text ? primitive.size : 0.028) * scale;
+  let [x, y] = points[0], height = text ? primitive.size * scale : LABEL;
   if (primitive.space === "world") {
-    const {x, y, depth} = project(view, at);
-    if (depth <= 0) return;
-    if (text) height = primitive.size / (view.scale * (view.ortho ? 1 : depth));
-    at = [x * aspect, y, 0];
+    const seen = project(view, points[0]);
+    if (seen.depth <= 0) return;
+    if (text) height = primitive.size / heightAt(view, points[0]);
+    [x, y] = [seen.x * aspect + 0.006, seen.y - 0.006];
+  } else if (primitive.kind === "circle") {
+    const lift = primitive.size * scale + RING;
+    [x, y] = [x + lift, y - lift];
   }
-  if (!text && primitive.space !== "world") at = [at[0], at[1] - 0.006 * scale, 0];
-  words(sheet, letters, primitive.label, at, Math.max(height, 0.014));
+  words(sheet, letters, primitive.label, [x, y], Math.max(height, 0.012));
 }

@@ -41,8 +41,6 @@ export class Stage {
     this.pace = 1000 / 60;
     this.last = 0;
     this.figure = 0;
-    /** Where panels are drawn: shares of the picture. */
-    this.panel = {x: 0.015, y: 0.68, width: 0.3, height: 0.3};
     /** @type {(() => void)[]} */
     this.wishes = [];
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -131,13 +129,9 @@ export class Stage {
     for (const figure of figures) painter.draw(figure, view);
     ground.draw(view, this.look);
     const parents = this.figures.get(this.figure)?.skeleton.parents ?? [];
-    ink.draw(this.primitives(), view, aspect, this.panel, parents);
+    ink.draw(this.overlays.values(), view, aspect, this.look === LOOKS.dark, parents);
     this.calls = drawn.reset();
     for (const wish of this.wishes.splice(0)) wish();
-  }
-
-  * primitives() {
-    for (const overlay of this.overlays.values()) yield* overlay.primitives;
   }
 
   /** A slow machine gets fewer pixels rather than fewer frames. @param {number} now */
