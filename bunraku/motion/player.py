@@ -5,7 +5,7 @@ examples for the parameters of the moment, carries the path frame along under th
 from motion to motion without a step, and holds the feet. It knows nothing of messages.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import exp, inf, isnan, sqrt
 from typing import Any, Literal
@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bunraku.figure.quat import from_axis_angle, mul
+from bunraku.figure.quat import from_axis_angle, mul, slerp
 from bunraku.figure.spring import LN2, spring_to_into
 from bunraku.motion.blend import BlendTable, blend_table, pose_into, speeds_into, way_into
 from bunraku.motion.constraint import SPACING, Ground, Path, path_of, smoothstep, wrapped
@@ -127,8 +127,11 @@ class Player:
         """Stand upright at a place on the ground (m) with a heading (rad)."""
         self.place = Ground(x, z, heading)
         self.posture = np.zeros(3)
+        self._mask = np.ones(len(self.skeleton))
+        self._mask_goal = np.ones(len(self.skeleton))
         self.activity: Literal["stand", "go", "move"] = "stand"
         self.path: Path | None = None
+        self._pack: tuple[Path, float, list[Any]] | None = None
         self.s = 0.0
         self.speed = 0.0
         self.gait = ""
@@ -158,6 +161,17 @@ class Player:
     def stand(self, tilt: float = 0.0, bend: float = 0.0, duck: float = 0.0) -> None:
         """The posture to take wherever nothing else says one: tilt left and bend forward (rad), duck 0..1."""
         self.posture[:] = tilt, bend, duck
+
+    def engage(self, joints: Sequence[int] | None = None) -> None:
+        """Let motions move these joints only (all when None) and hips and legs; the others go on standing."""
+        if joints is None:
+            self._mask_goal[:] = 1.0
+            return
+        self._mask_goal[:] = 0.0
+        self._mask_goal[list(joints)] = 1.0
+        self._mask_goal[0] = 1.0
+        for leg in self.feet.joints:
+            self._mask_goal[[int(j) for j in leg if j >= 0]] = 1.0
 
     def follow(self, path: Path, *, gait: str = "", complete: bool = True) -> None:
         """Go along a path from where the figure is nearest to it; a path under way may grow or change.
@@ -205,7 +219,8 @@ class Player:
         pull = (0.0, 0.0, 0.0)
         if end is not None:
             left, ahead = begin.seen(end.x, end.z)
-            pull = (left - self._way[0], ahead - self._way[1], wrapped(end.heading - begin.heading - self._way[2]))
+            dl, da, dt = (float(v) for v in self._way)
+            pull = (left - dl, ahead - da, wrapped(end.heading - begin.heading - dt))
         keys = voice.table.generic
         window = (float(keys[1]), float(keys[-2]))
         if module.startswith("jump") or "jump" in module:
@@ -256,6 +271,9 @@ class Player:
         self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
         if self._fading is not None:
             self._fade()
+        self._mask += (1.0 - exp(-LN2 * dt / 0.1)) * (self._mask_goal - self._mask)
+        if self.activity != "stand" and float(self._mask.min()) < 0.999:
+            self._rest_of_body()
         decay(self._offset, self._offset_speed, self.pace.switch, dt)
         apply_offset(self._offset, self._local_place, self._local)
         self._compose(dt)
@@ -344,7 +362,8 @@ class Player:
         self.u = advance(voice.table.generic, voice.table.spans, self._weights, before, dt * rate)
         x, z, heading = path.at(self.s)
         self._settle_slip(dt)
-        self.place = Ground(x + self._slip[0], z + self._slip[1], heading + self._slip[2])
+        slip = [float(v) for v in self._slip]
+        self.place = Ground(x + slip[0], z + slip[1], heading + slip[2])
         crossed = self.u >= half
         self.u %= 1.0
         if arrived and crossed and self.speed <= 0.08:
@@ -390,6 +409,13 @@ class Player:
         share = smoothstep(1.0 - rest / max(float(self._fading[0]), 1e-6))
         self._blend(stand, stand.weights(self._stand_goal()), 0.0, self._trial_place, self._trial, self._spare)
         toward(share, self._trial_place, self._trial, self._local_place, self._local)
+
+    def _rest_of_body(self) -> None:
+        """Joints that the motion is not to move stand."""
+        stand = self.voices["stand"]
+        self._blend(stand, stand.weights(self._stand_goal()), 0.0, self._trial_place, self._trial, self._spare)
+        for joint in np.nonzero(self._mask < 0.999)[0]:
+            slerp(self._trial[joint], self._local[joint], float(self._mask[joint]), self._local[joint])
 
     def _ask(self, goal: Array, half_life: float, dt: float) -> None:
         spring_to_into(self._asked, self._asked_speed, goal, half_life, dt)
@@ -498,16 +524,24 @@ class Player:
         return {
             "place": [self.place.x, self.place.z, self.place.heading],
             "posture": self.posture.tolist(),
-            "activity": self.activity, "s": self.s, "speed": self.speed, "gait": self.gait, "ending": self.ending,
-            "voice": self._voice_key(), "asked": self._asked.tolist(), "weights": self._weights.tolist(), "u": self.u,
+            "activity": self.activity, "s": float(self.s), "speed": float(self.speed), "gait": self.gait,
+            "ending": self.ending, "voice": self._voice_key(), "asked": self._asked.tolist(),
+            "weights": self._weights.tolist(), "u": float(self.u),
             "slip": self._slip.tolist(),
             "move": None if self._move is None else [
                 [self._move.begin.x, self._move.begin.z, self._move.begin.heading], list(self._move.pull),
                 list(self._move.window)],
-            "path": None if path is None else _packed(path, self.s),
+            "path": None if path is None else self._packed_path(path),
+            "mask": self._mask.tolist(), "mask_goal": self._mask_goal.tolist(),
             "feet": [array.tolist() for array in self.state], "lift": float(self._lift[0]),
             "offset": self._offset.astype("<f4").tobytes(), "speeds": self._offset_speed.astype("<f4").tobytes(),
         }  # fmt: skip
+
+    def _packed_path(self, path: Path) -> list[Any]:
+        """The path as saved, packed anew only when it changed or most of what was packed lies behind."""
+        if self._pack is None or self._pack[0] is not path or self.s > self._pack[1] + 0.5 * AHEAD:
+            self._pack = (path, self.s, _packed(path, self.s))
+        return self._pack[2]
 
     def _voice_key(self) -> str:
         return next(key for key, voice in self.voices.items() if voice is self._voice)
@@ -535,6 +569,7 @@ class Player:
                 raise ValueError("saved by another version")
             self.state = FeetState(*kept)  # type: ignore[arg-type]
             self._lift[0] = float(saved["lift"])
+            self._mask[:], self._mask_goal[:] = saved["mask"], saved["mask_goal"]
             self._offset[:] = np.frombuffer(saved["offset"], "<f4")
             self._offset_speed[:] = np.frombuffer(saved["speeds"], "<f4")
             self._since = 0.0
