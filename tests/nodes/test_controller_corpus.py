@@ -142,7 +142,7 @@ def corpus() -> tuple[Script, ...]:
         jumps("left_hand", [(0.0, 0.9, 0.1), (0.2, 0.0, 0.5)] * 3, 1 / 60, "metre jumps a frame", True),
         jumps("right_hand", [(0.0, 0.9, 0.1), (-0.3, 0.3, 0.4), (0.2, 0.4, 0.4)], 0.4, "jumps", True),
         jumps("left_hand", [(0.3, 1.0, 1.0), (-1.0, 0.0, -1.0)] * 4, 1 / 30, "wild jumps", False),
-        jumps("right_foot", [(0.0, 0.5, 0.4), (-0.3, 0.3, 0.1)], 0.5, "foot jumps", True),
+        jumps("right_foot", [(0.0, 0.5, 0.4), (-0.2, 0.3, 0.1)], 0.5, "foot jumps", True),
         # Feet.
         drag("right_foot", (0.0, 0.45, 0.35), name="raise a knee", reachable=True),
         drag("right_foot", (0.0, 0.35, 0.1), (0.0, 0.75, 0.75), pace=0.3, name="kick", release=4.0),
