@@ -1,0 +1,38 @@
+"""Touch: fingers drag the figure's parts, and the whole body follows."""
+
+from typing import Literal
+
+from bunraku.runtime.launch import NodeSpec, node
+
+
+def launch(
+    source: Literal["web", "tuio", "evdev", "script"] = "web",
+    script: str = "",
+    port: int = 3333,
+    page: bool = False,
+    lan: bool = False,
+    window: Literal["auto", "on", "off"] = "auto",
+    record: str = "",
+    film: str = "",
+) -> list[NodeSpec]:
+    """Touch and drag the figure: on the page, a TUIO table, a touch screen, or by a written performance.
+
+    source:=web prints the page's link; port:= is TUIO's; script:= is a performance (.touch); page:=true serves the
+    page beside another source; record:= and film:= name the bag and the mp4 to write.
+    """
+    drivers = [source, "web"] if page and source != "web" else [source]
+    touch: dict[str, object] = {"drivers": drivers, "port": port}
+    if script:
+        touch["script"] = script
+    specs = [
+        node("input_touch", params=touch, respawn=source != "script", required=source == "script"),
+        node("interpreter", respawn=True),
+        node("controller", respawn=True),
+    ]
+    if "web" in drivers:
+        specs.append(node("web", params={"lan": lan}, respawn=True))
+    if film or window != "off":
+        specs.append(node("renderer", params={"output": film, "window": window, "fps": 60}, stop=60.0))
+    if record:
+        specs.insert(0, node("recorder", params={"output": record}, respawn=True, stop=20.0))
+    return specs
