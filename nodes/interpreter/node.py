@@ -1,6 +1,6 @@
 """The node: hands each device's samples to the core that its play names, and says what all cores mean."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -10,8 +10,10 @@ from bunraku.figure.camera import Orbit
 from bunraku.figure.default import default_figure
 from bunraku.figure.skeleton import SkeletonError
 from bunraku.figure.wire import from_message
-from bunraku.msgs import Camera, Command, Device, Overlay, Pose, SkeletonMessage, Target, Touch
+from bunraku.msgs import Camera, Command, Device, Overlay, Pen, Pose, SkeletonMessage, Target, Touch
 from bunraku.nodes.interpreter.core import Core, Meaning, Scene
+from bunraku.nodes.interpreter.pen import PenCore
+from bunraku.nodes.interpreter.pen_rules import PenRules
 from bunraku.nodes.interpreter.touch import TouchCore
 from bunraku.nodes.interpreter.viewer import Viewer, ViewRules
 from bunraku.runtime.node import Node, ParamProblem, Publisher, param, request, subscribe, timer
@@ -29,7 +31,7 @@ class Plays:
     rules: tuple[tuple[str, str], ...]
 
     @classmethod
-    def parse(cls, words: list[str], known: list[str]) -> "Plays":
+    def parse(cls, words: list[str], known: tuple[str, ...], name: str = "play") -> "Plays":
         """From words like ``figure`` (all devices) or ``tuio-*=camera``; raises `ParamProblem`."""
         rules = []
         for word in words:
@@ -37,7 +39,7 @@ class Plays:
             if not sign:
                 pattern, play = "*", word
             if play not in known:
-                raise ParamProblem(f"play: {play!r} is none of {', '.join(known)}; write PLAY or DEVICE=PLAY")
+                raise ParamProblem(f"{name}: {play!r} is none of {', '.join(known)}; write PLAY or DEVICE=PLAY")
             rules.append((pattern, play))
         return cls((*[one for one in rules if one[0] != "*"], *[one for one in rules if one[0] == "*"]))
 
@@ -46,8 +48,12 @@ class Plays:
         return next((play for pattern, play in self.rules if fnmatchcase(device, pattern)), None)
 
 
+TOUCH_PLAYS = ("figure", "camera")
+PEN_PLAYS = ("tablet", "picture")
+
+
 class Interpreter(Node):
-    """What the hands mean: touches become targets, steps and the camera."""
+    """What the hands mean: touches become targets, steps and the camera; pens become walks, steps and jumps."""
 
     name = "interpreter"
     target: Publisher[Target] = Publisher("target", Target)
@@ -57,6 +63,14 @@ class Interpreter(Node):
 
     touch_plays: list[str] = param(
         ["figure"], doc="what touch devices play: figure or camera, for all or as DEVICE=PLAY (* in DEVICE matches)"
+    )
+    pen_plays: list[str] = param(
+        ["web-*=picture", "tablet"],
+        doc="where pens draw: tablet (a fixed scale) or picture (the ground under it), for all or as DEVICE=PLAY",
+    )
+    pen_scale: float = param(PenRules.scale, low=1.0, high=200.0, doc="figure metres for each metre of a tablet")
+    pen_early: bool = param(
+        False, doc="begin to walk as soon as a stroke can be nothing else, not at a step's length"
     )
     aspect: float = param(16 / 9, low=0.1, high=10.0, doc="width by height of the picture that touches refer to")
     distance: float = param(Orbit.distance, low=0.8, high=20.0, doc="m of the camera from the figure at first")
@@ -74,7 +88,11 @@ class Interpreter(Node):
             "figure": TouchCore(self.viewer, forget=self.forget),
             "camera": TouchCore(self.viewer, figure=False, forget=self.forget),
         }
-        self.plays = Plays.parse(self.touch_plays, list(self.cores))
+        rules = PenRules(scale=self.pen_scale)
+        self.pens = {play: PenCore(rules, surface=play, early=self.pen_early) for play in PEN_PLAYS}
+        self.cores.update(self.pens)
+        self.plays = Plays.parse(self.touch_plays, TOUCH_PLAYS, "touch_plays")
+        self.pen_rules = Plays.parse(self.pen_plays, PEN_PLAYS, "pen_plays")
         self.scene = Scene.of(default_figure(), self.viewer.camera())
         self.wire_hash = ""
         self.newest: Pose | None = None
@@ -90,7 +108,13 @@ class Interpreter(Node):
 
     def on_param(self, name: str) -> None:
         if name == "touch_plays":
-            self.plays = Plays.parse(self.touch_plays, list(self.cores))
+            self.plays = Plays.parse(self.touch_plays, TOUCH_PLAYS, name)
+        elif name == "pen_plays":
+            self.pen_rules = Plays.parse(self.pen_plays, PEN_PLAYS, name)
+        elif name in ("pen_scale", "pen_early"):
+            for pen in self.pens.values():
+                pen.rules = pen.track.rules = replace(pen.rules, scale=self.pen_scale)
+                pen.early = self.pen_early
         elif name in ("aspect", "distance", "azimuth", "elevation"):
             self.viewer.home = self.viewer.orbit = Orbit(
                 center=self.viewer.orbit.center, azimuth=self.azimuth, elevation=self.elevation,
@@ -105,6 +129,8 @@ class Interpreter(Node):
         for core in self.cores.values():
             if isinstance(core, TouchCore):
                 core.let_go(self.scene)
+            elif isinstance(core, PenCore):
+                core.lose(core.device, self.scene)
         self.viewer.reset()
         self._say()
 
@@ -137,6 +163,15 @@ class Interpreter(Node):
                     core.let_go(self.scene)
         self.last_seq["touch"] = msg.seq
         play = self.plays.of(msg.device)
+        if play is not None:
+            self.cores[play].hear(msg, self.scene)
+        self._say()
+
+    @subscribe("pen", Pen)
+    def on_pen(self, msg: Pen) -> None:
+        """A sample of a pen."""
+        self._see()
+        play = self.pen_rules.of(msg.device)
         if play is not None:
             self.cores[play].hear(msg, self.scene)
         self._say()
@@ -206,9 +241,10 @@ class Interpreter(Node):
             self.said_at = self.now
             self.target.publish(Target(**whole.target))  # type: ignore[arg-type]
         for command in whole.commands:
-            # Above those of an earlier run, so that no listener takes it for one that it has had.
-            self.ids = max(self.ids + 1, self.now // 1000)
-            command.id = self.ids
+            if not command.id:
+                # Above those of an earlier run, so that no listener takes it for one that it has had.
+                self.ids = max(self.ids + 1, self.now // 1000)
+                command.id = self.ids
             self.command.publish(command)
         if whole.overlay or self.drawn:
             self.drawn = bool(whole.overlay)
@@ -219,8 +255,12 @@ class Interpreter(Node):
         dt = min(max((self.now - self.followed) / SECOND, 0.0), 0.1)
         self.followed = self.now
         if self.follow and not any(isinstance(c, TouchCore) and c.holds_pelvis for c in self.cores.values()):
-            root = self.scene.positions[0]
-            self.viewer.follow(float(root[0]), float(root[2]), dt)
+            if not any(pen.holds_picture for pen in self.pens.values()):
+                root = self.scene.positions[0]
+                self.viewer.follow(float(root[0]), float(root[2]), dt)
+            for pen in self.pens.values():
+                if pen.drawing is not None:
+                    self.viewer.keep(*pen.drawing, dt, jump=not pen.holds_picture)
         news = self.viewer.news()
         if news is not None:
             self.scene.camera = news

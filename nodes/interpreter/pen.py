@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bunraku.msgs import CommandBase, Jump, Locomotion, PathPoint, Pen, Primitive, Stand, Step
+from bunraku.msgs import Camera, CommandBase, Jump, Locomotion, PathPoint, Pen, Primitive, Stand, Step
 from bunraku.nodes.interpreter.core import Meaning, Scene
 from bunraku.nodes.interpreter.pen_ground import (
     Point,
@@ -127,6 +127,18 @@ class PenCore:
         self._queue: list[CommandBase] = []
         self._changed = False
         self._walking_said = 0.0
+        self._view: Camera | None = None
+
+    @property
+    def drawing(self) -> Point | None:
+        """Where the path that is being drawn ends now, (x, z) m."""
+        points = self.track.stroke.points
+        return points[-1].place if points and self.track.contact and not self.track.stopped else None
+
+    @property
+    def holds_picture(self) -> bool:
+        """Whether the pen draws on the picture itself, which then should not move under it."""
+        return self.surface == "picture" and self.track.contact
 
     # The core's protocol
 
@@ -181,12 +193,16 @@ class PenCore:
         self._follow(scene)
         commands, self._queue = self._queue, []
         if self.walk is not None and self._changed:
-            commands.append(self._locomotion(self.walk))
+            if self.walk.complete or scene.now - self._walking_said >= self.rules.say_every:
+                self._walking_said = scene.now
+                self._changed = False
+                commands.append(self._locomotion(self.walk))
         elif self.walk is None:
             posture = self._posture(scene)
             if posture is not None:
                 commands.append(posture)
-        self._changed = False
+        if self.walk is None:
+            self._changed = False
         return Meaning(commands=commands, overlay=self._draw(scene))
 
     def save(self) -> dict[str, Any]:
@@ -306,7 +322,9 @@ class PenCore:
     def _place(self, pen: Pen, scene: Scene) -> Point | None:
         if self.surface == "picture":
             return on_picture(pen, scene.camera)
-        return on_tablet(pen, scene.camera, self.rules)
+        if self._view is None or not (self.track.contact or self.track.jumping(scene.now)):
+            self._view = scene.camera  # a camera that turns under a stroke does not bend it
+        return on_tablet(pen, self._view, self.rules)
 
     def _sample_time(self, pen: Pen, now: float) -> float:
         """The device's own time where it is sound, so that the way here adds no jitter to speeds."""

@@ -53,6 +53,8 @@ class PenRules:
     """m/s: the running limit."""
     speed_lag: float = 0.12
     """s over which the pen's speed is averaged along its path."""
+    say_every: float = 0.012
+    """s between two messages of a path that grows: a pen may send more often than figures step."""
     spacing: float = 0.05
     """m between the points of a path."""
     rejoin: float = 0.30

@@ -1,9 +1,11 @@
 """The camera by touch: one finger orbits, two pinch to zoom; it follows a figure that walks off."""
 
 from dataclasses import dataclass, replace
-from math import exp, pi
+from math import exp, hypot, pi
 
-from bunraku.figure.camera import Orbit, wrap
+import numpy as np
+
+from bunraku.figure.camera import Orbit, project, ray, wrap
 from bunraku.msgs import Camera
 
 
@@ -19,6 +21,8 @@ class ViewRules:
     slack: float = 0.5  # m that the figure may walk from the middle before the camera follows
     lag: float = 0.35  # s, time constant of following
     least_pinch: float = 0.02  # share of the picture's height: nearer fingers give no ratio
+    margin: float = 0.12  # share of the picture, from its edge, that a path's end keeps free
+    scroll: float = 1.5  # m/s at most, where the picture moves under a pen that draws on it
 
 
 class Viewer:
@@ -57,6 +61,28 @@ class Viewer:
             return
         share = (1.0 - self.rules.slack / away) * (1.0 - exp(-dt / self.rules.lag))
         self.orbit = replace(self.orbit, center=(cx + dx * share, cy, cz + dz * share))
+
+    def keep(self, x: float, z: float, dt: float, *, jump: bool = True) -> None:
+        """Move along the ground so that the place (x, z) m stays within the picture's margin; never turn.
+
+        Without ``jump`` at most `ViewRules.scroll`: the place then moves on under a pen that stays where it is.
+        """
+        view = self.camera()
+        at = project(view, np.array([x, 0.0, z]))
+        free = self.rules.margin
+        inside = np.clip(at, free, 1.0 - free)
+        if np.array_equal(at, inside) or not np.isfinite(at).all():
+            return
+        origin, direction = ray(view, float(inside[0]), float(inside[1]))
+        if direction[1] > -1e-3:
+            return
+        t = -origin[1] / direction[1]
+        dx, dz = x - float(origin[0] + t * direction[0]), z - float(origin[2] + t * direction[2])
+        if not jump:
+            share = min(1.0, self.rules.scroll * dt / max(hypot(dx, dz), 1e-9))
+            dx, dz = dx * share, dz * share
+        cx, cy, cz = self.orbit.center
+        self.orbit = replace(self.orbit, center=(cx + dx, cy, cz + dz))
 
     def camera(self) -> Camera:
         """The camera message of the view."""
