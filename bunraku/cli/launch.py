@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from bunraku.runtime.plan import Planned
     from bunraku.runtime.supervise import Task
 
+WAIT = "60"
+"""s that a recording waits for the stack."""
 PATIENCE = 3.0
 """s that the nodes of a launch that was killed may take to be gone."""
 
@@ -129,7 +131,7 @@ def _replay(planned: "Sequence[Planned]", bag: str, word: str) -> "list[Planned]
     if not topics:
         said = ", ".join(one.outputs) or "nothing"
         raise Problem(f"--replay {bag}: holds nothing that {word} says ({said}); see bunraku bag info {bag}", USAGE)
-    return plan.substitute(planned, word, ["bag", "play", bag, "--topics", *topics], topics)
+    return plan.substitute(planned, word, ["bag", "play", bag, "--wait", WAIT, "--topics", *topics], topics)
 
 
 def _of_itself(topic: str) -> bool:
@@ -151,7 +153,6 @@ def start(planned: "Sequence[Planned]", folder: Path, name: str, *, jit: bool = 
         lock = graph.StageLock(folder)
     except graph.StageTaken as error:
         raise Problem(str(error), USAGE) from None
-    roll = graph.Roll(folder)
     try:
         graph.sweep(folder, states=True)
         _await_free(planned, folder)
@@ -160,12 +161,11 @@ def start(planned: "Sequence[Planned]", folder: Path, name: str, *, jit: bool = 
         supervised = {one.spec.path for one in planned if not one.spec.command}
 
         def is_up(task: "Task", pid: int) -> bool:
-            return task.name not in supervised or roll.is_up(task.name)
+            return task.name not in supervised or graph.is_up(folder, task.name)
 
         def on_up(seconds: float) -> None:
             count = f"{len(planned)} nodes" if len(planned) > 1 else "1 node"
             supervisor.say(f"{name}: {count} up in {seconds:.1f} s on stage {folder.name!r}; Ctrl-C ends")
-            roll.close()
 
         def on_end(pid: int) -> None:
             graph.sweep(folder, pid=pid)
@@ -178,7 +178,6 @@ def start(planned: "Sequence[Planned]", folder: Path, name: str, *, jit: bool = 
         )
         return supervisor.run()
     finally:
-        roll.close()
         graph.sweep(folder, states=True)
         lock.release()
         with contextlib.suppress(OSError):

@@ -2,27 +2,22 @@
 
 import contextlib
 import hashlib
+import json
 import os
 import socket
 import struct
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgpack
-import zmq
-
 from bunraku.runtime.control import NoAnswer, ask
 from bunraku.runtime.lock import Lock, Taken, is_taken
-from bunraku.runtime.names import endpoint, file_of
-from bunraku.runtime.topics import RECONNECT_MS, cards
+from bunraku.runtime.names import STACK, file_of
+from bunraku.runtime.topics import cards
 
 CONTROL = ".ctl"
 SUFFIXES = (".lock", ".json")
 STATE = ".state"
-ASK_EVERY = 2.0
-"""s after which a node that did not answer is asked again."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +71,20 @@ def nodes(folder: Path) -> list[str]:
         return []
     alive = (entry for entry in entries if is_taken(folder / f"{entry}.lock"))
     return [entry[: -len(CONTROL)].replace(".", "/") for entry in alive]
+
+
+def is_up(folder: Path, node: str) -> bool:
+    """Whether a node has set up: its control socket is there from then on."""
+    return file_of(folder, node, CONTROL).exists()
+
+
+def stack_is_up(folder: Path) -> bool:
+    """Whether all nodes that this process was launched together with have set up; true outside of a launch."""
+    try:
+        names = json.loads(os.environ.get(STACK) or "[]")
+    except ValueError:
+        return True
+    return all(is_up(folder, str(name)) for name in names)
 
 
 def info(folder: Path, node: str, seconds: float = 2.0) -> dict[str, Any]:
@@ -180,36 +189,3 @@ def _holder(address: str) -> int:
         size = struct.calcsize("3i")
         return int(struct.unpack("3i", one.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))[0])
     return 0
-
-
-class Roll:
-    """Asks nodes whether they are up, without waiting for any."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._context: zmq.Context[Any] = zmq.Context()
-        self._asked: dict[str, tuple[zmq.Socket[bytes], float]] = {}
-
-    def is_up(self, node: str) -> bool:
-        """Whether the node has set up and answers; ask again and again."""
-        socket_, at = self._asked.get(node, (None, 0.0))
-        if socket_ is None:
-            socket_ = self._context.socket(zmq.DEALER)
-            socket_.setsockopt(zmq.LINGER, 0)
-            socket_.setsockopt(zmq.RECONNECT_IVL, RECONNECT_MS)
-            socket_.connect(endpoint(file_of(self.folder, node, CONTROL)))
-        elif socket_.poll(0):
-            socket_.recv_multipart()
-            return True
-        if time.monotonic() - at > ASK_EVERY:  # a node that was killed took the question with it
-            at = time.monotonic()
-            socket_.send(msgpack.packb({"op": "info"}))
-        self._asked[node] = (socket_, at)
-        return False
-
-    def close(self) -> None:
-        """Stop asking."""
-        for socket_, _ in self._asked.values():
-            socket_.close()
-        self._asked.clear()
-        self._context.term()

@@ -163,7 +163,8 @@ def _twice(planned: Sequence[Planned]) -> list[str]:
         for topic in one.says:
             other = first.setdefault(topic, one)
             if other is not one:
-                text = f"{topic!r} is said by {other.spec.path} ({other.spec.file or 'launch'}) too; remap one or use a namespace"
+                where = other.spec.file or "launch"
+                text = f"{topic!r} is said by {other.spec.path} ({where}) too; remap one or use a namespace"
                 faults.append(one.spec.fault("topic", text))
     return faults
 

@@ -55,6 +55,12 @@ class Recorder(Node):
             if self.output:
                 self._begin(self.output, self.overwrite)
 
+    @classmethod
+    def would_hear(cls, params: dict[str, Any], namespace: str, topic: str) -> bool:
+        """Whether a recorder that starts with these parameters records a topic from the beginning."""
+        patterns = (resolve(wanted, namespace) for wanted in params["topics"])
+        return bool(params["output"]) and any(fnmatchcase(topic, pattern) for pattern in patterns)
+
     def wants(self, topic: str) -> bool:
         """Whether a topic is one of those to record."""
         return self.writer is not None and self._chosen(topic)

@@ -100,6 +100,17 @@ def test_wiring_asks_a_node_that_chooses():
     assert plan.wiring(plan.check([source(), chooser]))["source"] == {"target": 1}
 
 
+def test_a_recorder_is_waited_for_only_where_it_records():
+    def waits(**params):
+        recorder = ask("recorder", params=params)
+        return plan.wiring(plan.check([source(), recorder]))["source"].get("target", 0)
+
+    assert waits(output="x.mcap") == 1
+    assert waits(output="x.mcap", topics=["pose", "tar*"]) == 1
+    assert waits(output="x.mcap", topics=["pose"]) == 0
+    assert waits() == 0
+
+
 def test_a_source_is_told_how_many_listen():
     told = {one.spec.path: one.params.get("wait_for")
             for one in plan.with_listeners(plan.check([source(), counter()]))}  # fmt: skip

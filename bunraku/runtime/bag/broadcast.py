@@ -9,6 +9,7 @@ from typing import Any, Self
 import zmq
 
 from bunraku.msgs import TopicKind
+from bunraku.runtime.graph import stack_is_up
 from bunraku.runtime.names import make_run_folder
 from bunraku.runtime.topics import TopicWriter
 
@@ -72,6 +73,7 @@ class Broadcast:
     def await_subscribers(self, expected: Mapping[str, int], limit: float) -> dict[str, int]:
         """Wait until each topic has as many subscribers as expected, at most ``limit`` s.
 
+        Within a launch also until all of its nodes have set up.
         Where none are expected it waits for the first subscriber of any topic, and then until no more come. Gives the
         topics that lack some, and how many; a topic name '' where nobody came at all.
         """
@@ -84,10 +86,11 @@ class Broadcast:
             now, count = time.monotonic(), sum(writer.subscribers for writer in self.writers.values())
             if count != before:
                 before, since = count, now
-            if expected and not lacking:
-                return {}
-            if not expected and count and now - since >= SETTLED:
-                return {}
+            if stack_is_up(self.folder):
+                if expected and not lacking:
+                    return {}
+                if not expected and count and now - since >= SETTLED:
+                    return {}
             if now >= end:
                 return lacking if expected else ({} if count else {"": 1})
             self.wait(min(0.02, end - now))
