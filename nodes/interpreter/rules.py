@@ -13,7 +13,7 @@ class TouchRules:
     """|normal · ray| below which a drag plane is chosen anew."""
     far: float = 3.0
     """m from the figure beyond which a drag is not followed."""
-    offset_lag: float = 0.06
+    offset_lag: float = 0.03
     """s, time constant with which the grabbed point's place on its part follows the part's turning."""
     forward_cos: float = 0.7071067811865476
     """cos 45°: the largest angle between the figure's heading and the touch ray for the speed offset (eq. 9)."""
