@@ -153,9 +153,12 @@ def pelvis_home(rig: Rig, points: Array, support: Array, heading: float, out: Ar
 
 
 @kernel
-def lean_room(rig: Rig, positions_ws: Array, planted: Array, heading: float) -> float:
-    """How far the trunk may bend forward (rad) over planted legs: hips and belly stop it over raised thighs."""
-    room = FORWARD
+def lean_room(rig: Rig, positions_ws: Array, planted: Array, heading: float, out: Array) -> None:
+    """What room planted legs leave the trunk: hips and belly stop it over raised thighs.
+
+    ``out`` (2): how far it may bend forward (rad), and the share of leaning aside and twisting that is left.
+    """
+    out[0], out[1] = FORWARD, 1.0
     c, s = cos(heading), sin(heading)
     for side in range(2):
         if planted[side] > 0.5:
@@ -165,5 +168,6 @@ def lean_room(rig: Rig, positions_ws: Array, planted: Array, heading: float) -> 
             )
             down = positions_ws[hip, 1] - positions_ws[knee, 1]
             thigh = atan2(max(ahead, 0.0), max(down, -0.2))
-            room = min(room, (HIP_FLEXION - thigh) / PELVIS_BACK_RATIO, FOLD - thigh)
-    return max(room, 0.1)
+            out[0] = min(out[0], (HIP_FLEXION - thigh) / PELVIS_BACK_RATIO, FOLD - thigh)
+            out[1] = min(out[1], 1.0 - 0.8 * min(1.0, max(0.0, thigh - 0.35) / 0.9))
+    out[0] = max(out[0], 0.1)

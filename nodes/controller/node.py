@@ -61,8 +61,9 @@ class Controller(Node):
     relax_trunk: float = param(_GAINS.relax_trunk, low=0.0, high=20.0, doc="rad/s at which the trunk comes upright")
     relax_ends: float = param(_GAINS.relax_ends, low=0.0, high=10.0, doc="m/s at which free hands sink")
     relax_reach: float = param(
-        _GAINS.relax_reach, low=0.0, high=10.0, doc="m/s at which the pelvis comes back from a reach and feet sink"
+        _GAINS.relax_reach, low=0.0, high=10.0, doc="m/s at which the pelvis comes back from a reach"
     )
+    relax_feet: float = param(_GAINS.relax_feet, low=0.0, high=10.0, doc="m/s at which free feet sink to the floor")
     relax_pelvis: float = param(
         _GAINS.relax_pelvis, low=0.0, high=10.0, doc="m/s at which a released pelvis comes back; 0 leaves it"
     )

@@ -58,6 +58,8 @@ KNEE_LIFT = 0.10
 """m that a held knee is pulled before it lifts its foot."""
 SWIVEL_PER_WAY, SWIVEL_RATE = 12.0, 0.3
 """rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
+LANDING_TIME = 0.45
+"""Time constant of the last bit of a sinking foot, s."""
 HANG = (0.17, -0.97, 0.10)
 """Direction of the left arm at rest."""
 
@@ -244,13 +246,13 @@ def move_ends(
             for k in range(3):
                 st.points[row, k] += goals[row, k] - st.goals[row, k]
             relax_point(
-                st.points[row], st.velocities[row], goals[row], gains.relax_reach, gains.relax_time,
+                st.points[row], st.velocities[row], goals[row], gains.relax_feet, LANDING_TIME,
                 gains.ease_time, dt,
             )  # fmt: skip
         elif st.planted[limb - 2] < 0.5 and st.step[PHASE] == IDLE:
             side = limb - 2
             relax_point(
-                st.points[row], st.velocities[row], goals[row], gains.relax_reach, gains.relax_time,
+                st.points[row], st.velocities[row], goals[row], gains.relax_feet, LANDING_TIME,
                 gains.ease_time, dt,
             )  # fmt: skip
             if st.points[row, 1] <= rig.ankle_heights[side] + 5e-4:
@@ -302,7 +304,7 @@ def agree(
     shift, part, rest, chest = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     pelvis_votes, trunk_votes = np.empty((2, 3)), np.empty((2, 4))
     pelvis_weights, trunk_weights = np.empty(2), np.empty(2)
-    hips, start, turn = np.empty((2, 3)), np.empty(3), np.empty(4)
+    hips, start, turn, room = np.empty((2, 3)), np.empty(3), np.empty(4), np.empty(2)
     pelvis_free, trunk_free = flags[0] < 0.5, held.flags[5] < 0.5
     stepping = st.step[PHASE] != IDLE
     over = under.active[0] > 0.5
@@ -323,7 +325,7 @@ def agree(
                     st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
         center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
         size = sole_polygon(rig, st.points, st.feet, st.support, hull)
-        room = lean_room(rig, positions_ws, st.planted, st.heading[0])
+        lean_room(rig, positions_ws, st.planted, st.heading[0], room)
         for k in range(3):
             start[k] = st.points[0, k]
             chest[k] = positions_ws[rig.neck[0], k]
@@ -338,7 +340,8 @@ def agree(
                 shift[k] = 0.0
             lacking, arm = 0, -1
             for limb in range(4):
-                if flags[1 + limb] > 0.5:
+                # (An end that a held elbow takes along asks for nothing.)
+                if held.flags[1 + limb] > 0.5 and flags[1 + limb] > 0.5:
                     lack = root_shift(
                         st.points[1 + limb], positions_ws[rig.limbs[limb, 0]], under.base.exact[limb], part
                     )  # fmt: skip
@@ -494,7 +497,7 @@ def advance(
     goals, goal_turns = np.empty((5, 3)), np.empty((2, 4))
     before, trunk_before, carried = np.empty((5, 3)), np.empty((2, 4)), np.empty((5, 3))
     arms, flags = np.zeros((2, 3)), np.zeros(5)
-    relaxed_trunk, relaxed_pelvis = np.empty(4), np.empty(3)
+    relaxed_trunk, relaxed_pelvis, room = np.empty(4), np.empty(3), np.empty(2)
     swivels_before, plain, aims_before = np.empty(4), np.empty(4), np.empty((5, 3))
     fresh = st.mode[0] < 0.5
     if fresh:
@@ -596,7 +599,7 @@ def advance(
         for k in range(3):
             st.pelvis_rest[k] = 0.0 if k != 1 else st.pelvis_rest[k]
     turn_feet(rig, gains, st, under, yaws, dt)
-    room = lean_room(rig, positions_ws, st.planted, st.heading[0])
+    lean_room(rig, positions_ws, st.planted, st.heading[0], room)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
     sway_trunk(rig, gains, st, held, flags, aims_before, positions_ws)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
@@ -756,7 +759,7 @@ def sway_trunk(
     moved = np.zeros(3)
     driven = False
     for limb in range(4):
-        if flags[1 + limb] > 0.5:
+        if flags[1 + limb] > 0.5 and held.flags[1 + limb] > 0.5:
             driven = True
             for k in range(3):
                 moved[k] += st.aims[1 + limb, k] - aims_before[1 + limb, k]

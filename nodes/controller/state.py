@@ -30,10 +30,12 @@ class Gains(NamedTuple):
     """The pelvis's part of a balance correction (eqs 17-18)."""
     relax_trunk: float = 0.45
     """rad/s at which the trunk and the head come upright."""
-    relax_ends: float = 0.28
+    relax_ends: float = 0.34
     """m/s at which free hands sink."""
     relax_reach: float = 0.2
-    """m/s at which the pelvis comes back from a reach, and at which feet sink."""
+    """m/s at which the pelvis comes back from a reach."""
+    relax_feet: float = 0.40
+    """m/s at which free feet sink to the floor."""
     relax_pelvis: float = 0.0
     """m/s at which a released pelvis comes back; 0 leaves it where it was let go."""
     relax_time: float = 0.22

@@ -95,11 +95,12 @@ def follow_turn(
 
 
 @kernel
-def keep_lean(turn: Array, heading: float, lead: Array, most_ahead: float) -> None:
+def keep_lean(turn: Array, heading: float, lead: Array, room: Array) -> None:
     """Keep the trunk's orientation (4) within what a back can do, in place.
 
     ``lead`` (4) is the orientation that needs no allowance (a motion's trunk, or upright): limits count from
-    it where it is farther out. ``most_ahead`` (rad) is how far it bends forward now.
+    it where it is farther out. ``room`` (2) is how far it bends forward now (rad) and the
+    share that is left of leaning aside and twisting (see `lean_room`).
     """
     swing, twist, face, v, w = np.empty(4), np.empty(4), np.empty(4), np.empty(3), np.empty(3)
     swing_twist_y(turn, swing, twist)
@@ -110,8 +111,8 @@ def keep_lean(turn: Array, heading: float, lead: Array, most_ahead: float) -> No
     swing_twist_y(lead, swing, face)
     log(swing, w)
     lead_pitch, lead_roll = c * w[0] - s * w[2], s * w[0] + c * w[2]
-    ahead = max(most_ahead, lead_pitch) if pitch >= 0.0 else max(BACKWARD, -lead_pitch)
-    aside = max(SIDEWARD, abs(lead_roll))
+    ahead = max(room[0], lead_pitch) if pitch >= 0.0 else max(BACKWARD, -lead_pitch)
+    aside = max(SIDEWARD * room[1], abs(lead_roll))
     out = sqrt((pitch / ahead) ** 2 + (roll / aside) ** 2)
     if out > 1.0:
         pitch, roll = pitch / out, roll / out
@@ -123,14 +124,14 @@ def keep_lean(turn: Array, heading: float, lead: Array, most_ahead: float) -> No
     off -= 6.283185307179586 * np.floor((off + 3.141592653589793) / 6.283185307179586)
     lead_off = twist_of(face) - heading
     lead_off -= 6.283185307179586 * np.floor((lead_off + 3.141592653589793) / 6.283185307179586)
-    most = max(MOST_TWIST, abs(lead_off))
+    most = max(MOST_TWIST * room[1], abs(lead_off))
     yaw_turn(heading + min(most, max(-most, off)), twist)
     mul(swing, twist, turn)
 
 
 @kernel
 def reach_with_trunk(
-    wanted: Array, arm_root: Array, back: Array, turn: Array, heading: float, lead: Array, most_ahead: float,
+    wanted: Array, arm_root: Array, back: Array, turn: Array, heading: float, lead: Array, room: Array,
     out_turn: Array, rest: Array,
 ) -> None:  # fmt: skip
     """Turn the trunk so that a shoulder moves by ``wanted`` (3, m) as far as it can (eq. 15).
@@ -147,7 +148,7 @@ def reach_with_trunk(
         to[k] = lever[k] + wanted[k]
     between(lever, to, q)
     mul(q, turn, out_turn)
-    keep_lean(out_turn, heading, lead, most_ahead)
+    keep_lean(out_turn, heading, lead, room)
     mul_inv(out_turn, turn, q)
     rotate(q, lever, moved)
     for k in range(3):
