@@ -1,0 +1,326 @@
+"""How well blended motion does what it is asked to, in numbers: the tables of docs/blending.md.
+
+    python studies/blending.py [SET.npz ...]
+
+Without files the built-in set is measured. *Before constraints*: one cycle or one motion is played for parameters
+drawn over the module's range, and measured from its poses as any clip is. *After*: the player walks drawn paths and
+makes moves; footprints, feet, reach and joint velocities are taken from the poses that it gives.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path as File
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bunraku.figure.quat import from_axis_angle, mul
+from bunraku.motion import rotation as rot
+from bunraku.motion.blend import pose_into, speeds_into, way_into
+from bunraku.motion.clip import Clip
+from bunraku.motion.constraint import Ground, path_of
+from bunraku.motion.motionset import MotionSet
+from bunraku.motion.parameters import embed, measured, unembed
+from bunraku.motion.player import Player, Transition, Voice, voices
+from bunraku.motion.synth import builtin_set
+from bunraku.motion.timewarp import advance, seconds_between
+
+Array = NDArray[np.float64]
+
+FPS = 60.0
+UNITS = {
+    "speed": "m/s",
+    "turn": "°/s",
+    "tilt": "°",
+    "bend": "°",
+    "duck": "",
+    "angle": "°",
+    "distance": "m",
+    "height": "m",
+}
+DEGREES = ("turn", "tilt", "bend", "angle")
+
+
+def played(motion_set: MotionSet, voice: Voice, asked: Array) -> tuple[Clip, NDArray[np.bool_]]:
+    """One cycle or motion with constant parameters, neither constrained nor foot-locked."""
+    table, skeleton = voice.table, motion_set.skeleton
+    weights = voice.weights(asked)
+    span = seconds_between(table.generic, table.spans, weights, 0.0, 1.0)
+    frames = max(2, round(span * FPS))
+    dt = span / frames
+    roots, turns = np.empty((frames + 1, 3)), np.empty((frames + 1, len(skeleton), 4))
+    flags = np.empty((frames + 1, 2), np.bool_)
+    place, signal, pace, way, yaw = np.empty(3), np.empty(2), np.empty(2), np.empty(3), np.empty(4)
+    u, spot = 0.0, Ground()
+    for frame in range(frames + 1):
+        pose_into(table, weights, u if u < 1.0 or not table.cycle else u - 1.0, place, turns[frame], signal)
+        if not table.cycle:
+            way_into(table, weights, min(u, 1.0), way)
+            spot = Ground().after(*(float(v) for v in way))
+        at = spot.after(float(place[0]), float(place[2]), 0.0)
+        roots[frame] = at.x, place[1], at.z
+        from_axis_angle(0.0, 1.0, 0.0, spot.heading, yaw)
+        mul(yaw, turns[frame, 0], turns[frame, 0])
+        flags[frame] = signal > 0.0
+        u = advance(table.generic, table.spans, weights, u, dt)
+        if frame == frames - 1:
+            u = 1.0
+        if table.cycle:
+            speeds_into(table, weights, pace)
+            turned = float(pace[1]) * dt
+            spot = spot.after(
+                float(pace[0]) * dt * np.sin(0.5 * turned), float(pace[0]) * dt * np.cos(0.5 * turned), turned
+            )
+    return Clip(voice.name, skeleton, 1.0 / dt, roots, turns), flags
+
+
+def inside(voice: Voice, values: Array, count: int, seed: int = 1) -> Iterator[Array]:
+    """Parameter values drawn within the hull of the examples."""
+    random = np.random.default_rng(seed)
+    place = embed(voice.parameters, values)
+    # Mixes of few examples lie far out, mixes of many in the middle.
+    for k in range(count):
+        share = random.dirichlet(np.full(len(values), (0.08, 0.3, 1.0)[k % 3]))
+        yield unembed(voice.parameters, share @ place)
+
+
+@dataclass
+class Row:
+    """What one parameter of one module was off by."""
+
+    module: str
+    parameter: str
+    low: float
+    high: float
+    mean: float
+    most: float
+
+
+def before_constraints(motion_set: MotionSet, count: int) -> list[Row]:
+    """Asked against achieved, module by module."""
+    out = []
+    for name, voice in voices(motion_set).items():
+        if name.startswith("canonical/"):
+            continue
+        module = motion_set.module(name)
+        asked = list(inside(voice, module.values, count))
+        got = []
+        for one in asked:
+            clip, flags = played(motion_set, voice, one)
+            got.append(measured(module.parameters, clip, flags, turns=name.startswith("turn")))
+        off = np.abs(np.array(got) - np.array(asked))
+        for k, parameter in enumerate(module.parameters):
+            if parameter == "angle":
+                wrapped = (off[:, k] + np.pi) % (2 * np.pi) - np.pi
+                off[:, k] = np.abs(wrapped)
+                if "distance" in module.parameters:  # the direction of a way of no length says nothing
+                    far = np.array(asked)[:, module.parameters.index("distance")] > 0.05
+                    off[~far, k] = 0.0
+            scale = 180.0 / np.pi if parameter in DEGREES else 1.0
+            values = module.values[:, k]
+            out.append(Row(name, parameter, scale * float(values.min()), scale * float(values.max()),
+                           scale * float(off[:, k].mean()), scale * float(off[:, k].max())))  # fmt: skip
+    return out
+
+
+def recorded(player: Player, frames: list[tuple[Array, ...]]) -> Clip:
+    return Clip("played", player.skeleton, FPS, np.array([f[0] for f in frames]), np.array([f[1] for f in frames]))
+
+
+def play(player: Player, seconds: float, frames: list[tuple[Array, ...]], until_free: bool = True) -> None:
+    """Run the player, keeping what is measured of each frame."""
+    for _ in range(int(seconds * FPS)):
+        player.update(1.0 / FPS)
+        here = np.array([player.place.x, player.place.z, player.place.heading])
+        frames.append((player.root.copy(), player.rotations.copy(), player.state.mode.copy(), player.state.prints.copy(),
+                       here, np.array([player.beyond, player.u])))  # fmt: skip
+        if until_free and player.free:
+            return
+
+
+def drift(player: Player, clip: Clip, frames: Sequence[tuple[Array, ...]]) -> float:
+    """The farthest, m, that the point on the ground of a locked foot moved along it while it carried."""
+    places, turns = clip.world
+    worst = 0.0
+    for side in range(2):
+        height, heel, ball = (float(v) for v in player.feet.soles[side])
+        foot = int(player.feet.joints[side, 2])
+        pitch = rot.rotate(turns[:, foot], np.array([0.0, 0.0, 1.0]))[:, 1]
+        points = [places[:, foot] + rot.rotate(turns[:, foot], np.array([0.0, -height, z])) for z in (heel, ball)]
+        locked = np.array([frame[2][side] == 1 for frame in frames])
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], locked.astype(int), [0]])))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            for point, bears in zip(points, (pitch > -1e-3, pitch < 1e-3), strict=True):
+                span = point[first:last][bears[first:last]][:, [0, 2]]
+                if len(span) > 1:
+                    worst = max(worst, float(np.linalg.norm(span - span[0], axis=1).max()))
+    return worst
+
+
+def velocity_steps(clip: Clip) -> Array:
+    """(F - 2, J) degrees/s by which each joint's velocity changes from one frame to the next."""
+    turn = rot.log(rot.mul(clip.rotations[1:], rot.inverse(clip.rotations[:-1]))) * clip.fps
+    return np.degrees(np.linalg.norm(np.diff(turn, axis=0), axis=-1))
+
+
+def walked_path(seed: int) -> Array:
+    """A path as drawn: 4-9 m with bends, jittered by a millimetre."""
+    random = np.random.default_rng(seed)
+    steps = np.cumsum(random.normal(0.0, 0.06, 140))
+    steps = np.convolve(np.pad(steps, 12, mode="edge"), np.hanning(25) / np.hanning(25).sum(), "valid")[:140]
+    heading = np.concatenate([np.zeros(10), steps - steps[0]])
+    way = np.cumsum(0.05 * np.stack([np.sin(heading), np.cos(heading)], -1), axis=0)
+    return np.vstack([[0.0, 0.0], way]) + random.normal(0.0, 0.001, (len(way) + 1, 2))
+
+
+def along(points: Array, line: Array) -> Array:
+    """(n,) distance of points (n, 2) to a polyline."""
+    a, b = line[:-1], line[1:]
+    d = b - a
+    t = np.clip(((points[:, None] - a) * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-12), 0.0, 1.0)
+    return np.linalg.norm(points[:, None] - (a + t[..., None] * d), axis=-1).min(axis=1)
+
+
+def after_constraints(motion_set: MotionSet, transition: Transition, count: int = 8) -> dict[str, float]:
+    """Paths walked at 0.7 to 3 m/s and moves made to given places."""
+    errors: list[float] = []
+    ends: list[float] = []
+    print_off: list[float] = []
+    found = {"drift": 0.0, "beyond": 0.0}
+    switch_steps: list[float] = []
+    for seed in range(count):
+        player = Player(motion_set, transition=transition)
+        frames: list[tuple[Array, ...]] = []
+        play(player, 0.5, frames, until_free=False)
+        drawn = walked_path(seed)
+        begin = len(frames)
+        speed = float(np.interp(seed, [0, count - 1], [0.7, 2.8]))
+        player.follow(path_of(drawn, speeds=np.full(len(drawn), speed)))
+        play(player, 30.0, frames)
+        arrived = len(frames)
+        here = np.array([frame[4][:2] for frame in frames[begin:]])
+        errors.extend(along(here, drawn).tolist())
+        ends.append(float(np.hypot(*(here[-1] - drawn[-1]))))
+        play(player, 1.5, frames, until_free=False)
+        clip = recorded(player, frames)
+        found["drift"] = max(found["drift"], drift(player, clip, frames))
+        found["beyond"] = max(found["beyond"], max(float(frame[5][0]) for frame in frames))
+        steps = velocity_steps(clip)
+        for at in (begin, arrived):
+            switch_steps.append(float(steps[max(at - 2, 0) : at + 6].max()))
+        marks = {
+            tuple(np.round(frame[3][side][[0, 2]], 6))
+            for frame in frames[begin:]
+            for side in range(2)
+            if frame[2][side] == 1
+        }
+        print_off.extend(along(np.array(sorted(marks)), drawn).tolist())
+    moves: list[float] = []
+    for name in player.voices:
+        if not name.startswith(("step", "jump_", "turn")):
+            continue
+        values = motion_set.module(name).values if name in motion_set.modules else None
+        if values is None:
+            continue
+        for asked in inside(player.voices[name], values, 4, seed=3):
+            player = Player(motion_set, transition=transition)
+            frames = []
+            play(player, 0.3, frames, until_free=False)
+            goal = Ground()
+            if name.startswith(("step", "jump_")) and len(asked) == 2:
+                goal = goal.after(float(asked[1] * np.sin(asked[0])), float(asked[1] * np.cos(asked[0])), 0.0)
+            elif name.startswith("turn"):
+                goal = goal.after(0.0, 0.0, float(asked[0]))
+            begin = len(frames)
+            player.move(name, asked, goal)
+            play(player, 6.0, frames)
+            arrived = len(frames)
+            play(player, 0.8, frames, until_free=False)
+            clip = recorded(player, frames)
+            moves.append(float(np.hypot(player.place.x - goal.x, player.place.z - goal.z)))
+            found["drift"] = max(found["drift"], drift(player, clip, frames))
+            found["beyond"] = max(found["beyond"], max(float(frame[5][0]) for frame in frames))
+            steps = velocity_steps(clip)
+            for at in (begin, arrived):
+                switch_steps.append(float(steps[max(at - 2, 0) : at + 6].max()))
+    sources = [float(velocity_steps(e.clip).max()) for m in motion_set.modules.values() for e in m.examples]
+    found |= {
+        "path rms": float(np.sqrt(np.mean(np.square(errors)))),
+        "path max": float(np.max(errors)),
+        "end max": float(np.max(ends)),
+        "move end max": float(np.max(moves)) if moves else 0.0,
+        "prints to path, mean": float(np.mean(print_off)),
+        "velocity step at switches, max": float(np.max(switch_steps)),
+        "velocity step at switches, median": float(np.median(switch_steps)),
+        "velocity step in sources, max": float(np.max(sources)),
+        "velocity step in sources, median": float(np.median(sources)),
+    }
+    return found
+
+
+def source_prints(motion_set: MotionSet) -> float:
+    """Mean distance, m, of the feet on the ground to the path in the straight cycles of the set."""
+    from bunraku.motion.parameters import cycle_path
+
+    out = []
+    for example in motion_set.module("locomotion").examples:
+        clip = example.clip
+        if abs(example.values[1]) > 0.2 or example.values[0] < 0.5:
+            continue
+        path = cycle_path(clip.roots[:, [0, 2]], clip.headings, clip.fps)
+        for side, name in enumerate(("leftFoot", "rightFoot")):
+            foot = clip.world[0][example.contacts[:, side], clip.skeleton.role(name)][:, [0, 2]]
+            line = np.vstack(
+                [
+                    path.places[0] - 2.0 * (path.places[-1] - path.places[0]),
+                    path.places[-1] * 3.0 - 2.0 * path.places[0],
+                ]
+            )
+            out.extend(along(foot, line).tolist())
+    return float(np.mean(out))
+
+
+def sums(motion_set: MotionSet, count: int = 20_000) -> float:
+    """The farthest that a sum of weights is from one, over and far beyond the parameters' range."""
+    random = np.random.default_rng(5)
+    worst = 0.0
+    for voice in voices(motion_set).values():
+        size = len(voice.parameters)
+        for _ in range(count // 10):
+            worst = max(worst, abs(float(voice.weights(random.normal(0.0, 4.0, size)).sum()) - 1.0))
+    return worst
+
+
+def report(motion_set: MotionSet, count: int) -> None:
+    """Print the tables."""
+    print(f"### {motion_set.name}: asked against achieved before root constraints\n")
+    print("| module | parameter | range | mean error | largest |\n|---|---|---|---|---|")
+    for row in before_constraints(motion_set, count):
+        unit = UNITS[row.parameter]
+        print(
+            f"| {row.module} | {row.parameter} | {row.low:.2f}..{row.high:.2f} {unit} | {row.mean:.3f} | {row.most:.3f} |"
+        )
+    print(f"\nLargest distance of a sum of weights from one: {sums(motion_set):.1e}\n")
+    print(f"### {motion_set.name}: after root constraints\n")
+    both = {kind: after_constraints(motion_set, kind) for kind in ("inertialise", "example")}
+    print("| measure | inertialised | (n+1)-th example |\n|---|---|---|")
+    for key in both["inertialise"]:
+        a, b = both["inertialise"][key], both["example"][key]
+        unit = "°/s" if "velocity" in key else "mm"
+        scale = 1.0 if "velocity" in key else 1000.0
+        print(f"| {key} | {a * scale:.1f} {unit} | {b * scale:.1f} {unit} |")
+    print(f"| prints to path in the sources, mean | {source_prints(motion_set) * 1000.0:.1f} mm | |\n")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("sets", nargs="*", type=File, help="motion sets; the built-in one when none is given")
+    parser.add_argument("--count", type=int, default=90, help="parameter values a module")
+    arguments = parser.parse_args()
+    for motion_set in [MotionSet.load(path) for path in arguments.sets] or [builtin_set()]:
+        report(motion_set, arguments.count)
+
+
+if __name__ == "__main__":
+    main()
