@@ -245,6 +245,9 @@ test("one message a frame and kind, a heartbeat for what is held, nothing from a
   assert.equal(sent.length, 2);
   outbox.flush(now(300), true);
   assert.deepEqual(sent.slice(2).map((one) => one.kind), ["touch", "pen"]);
+  sources.hands.move("right", 0, 0.5);
+  outbox.flush(now(310), true);
+  assert.equal(sent.length, 4);
   outbox.flush(now(320, true), true);
   assert.equal(sent.at(-1).kind, "hands");
   sources.contacts.endAll("up");

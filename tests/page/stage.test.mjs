@@ -140,7 +140,7 @@ test("a camera that looks at a place has it in the middle", () => {
 
 const primitive = (fields) => ({kind: "line", space: "screen", color: [1, 0, 0, 1], size: 0.1, label: "", dim: 2, points: new Float32Array(), ...fields});
 const box = {x: 0.5, y: 0.5, width: 0.5, height: 0.5};
-const letters = {line: (text) => ({width: text.length, glyphs: [...text].map((_, i) => ({x: i, w: 1, u: [0, 0, 1, 1]}))})};
+const letters = {least: 0.01, line: (text) => ({width: text.length, glyphs: [...text].map((_, i) => ({x: i, w: 1, u: [0, 0, 1, 1]}))})};
 const draw = (fields) => {
   const sheets = {ground: new Sheet(), world: new Sheet(), picture: new Sheet()};
   lay(sheets, primitive(fields), viewOf(DEFAULT_CAMERA), 2, box, letters, [-1, 0, 1]);

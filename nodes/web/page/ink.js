@@ -35,6 +35,7 @@ export class Alphabet {
     this.glyphs = new Map();
     this.next = {x: 0, y: 0};
     this.changed = true;
+    this.least = 0;
     this.texture = gl.createTexture();
   }
 
@@ -93,7 +94,8 @@ export class Alphabet {
     if (!this.changed) return;
     this.changed = false;
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RG8, gl.RG, gl.UNSIGNED_BYTE, this.canvas);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    gl.generateMipmap(gl.TEXTURE_2D);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   }

@@ -28,7 +28,7 @@ export class Outbox {
     if (touch) this.tell("touch", now, {contacts: touch}, allowed);
     const pen = samples.frame(this.due("pen", now.time));
     if (pen.length) this.tell("pen", now, {pen}, allowed);
-    const hand = now.handsActive || hands.changed ? hands.frame(this.due("hands", now.time)) : null;
+    const hand = now.handsActive ? hands.frame(this.due("hands", now.time)) : null;
     if (hand) this.tell("hands", now, hand, allowed);
     const pad = pads.frame(now.pads, this.due("pad", now.time) && pads.last !== null);
     if (pad) this.tell("pad", now, pad, allowed);

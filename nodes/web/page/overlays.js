@@ -116,8 +116,9 @@ export function disc(sheet, center, radius, u, v, inner) {
 }
 
 /**
- * @typedef {{line(text: string): {width: number, glyphs: {x: number, w: number, u: number[]}[]}}} Letters
- * A word's glyphs at height 1: where each begins, how wide it is, and its place in the atlas (u0, v0, u1, v1).
+ * @typedef {{least: number, line(text: string): {width: number, glyphs: {x: number, w: number, u: number[]}[]}}} Letters
+ * A word's glyphs at height 1: where each begins, how wide it is, and its place in the atlas (u0, v0, u1, v1);
+ * `least`: the smallest readable height, a share of the picture's.
  */
 
 /**
@@ -247,5 +248,5 @@ function layLabel(sheet, primitive, points, view, aspect, scale, letters) {
     const lift = primitive.size * scale + RING;
     [x, y] = [x + lift, y - lift];
   }
-  words(sheet, letters, primitive.label, [x, y], Math.max(height, 0.012));
+  words(sheet, letters, primitive.label, [x, y], Math.max(height, letters.least));
 }

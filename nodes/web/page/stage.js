@@ -10,6 +10,7 @@ import {CAMERA, OVERLAY, POSE, readCamera, readMesh, readOverlay, readPose} from
 
 const SLOW_FRAME = 24, FAST_FRAME = 17.5; // ms between two frames
 const LEAST_SCALE = 0.5;
+const LEAST_LETTERS = 15; // pixels of the page
 
 /** @typedef {{time: number, root: Float32Array, rotations: Float32Array}} TakeFrame */
 
@@ -129,6 +130,7 @@ export class Stage {
     for (const figure of figures) painter.draw(figure, view);
     ground.draw(view, this.look);
     const parents = this.figures.get(this.figure)?.skeleton.parents ?? [];
+    ink.letters.least = (LEAST_LETTERS * ratio) / rect.height;
     ink.draw(this.overlays.values(), view, aspect, this.look === LOOKS.dark, parents);
     this.calls = drawn.reset();
     for (const wish of this.wishes.splice(0)) wish();

@@ -1,0 +1,546 @@
+"""The stage page in a real browser (Chromium, headless) on the real processes: what hands do there arrives here."""
+
+import contextlib
+import io
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+import zmq
+from PIL import Image
+
+from bunraku.runtime.control import ask
+from bunraku.runtime.names import endpoint, file_of
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = [
+    pytest.mark.peer,
+    pytest.mark.stack,
+    pytest.mark.timeout(300),
+    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
+]
+FLAGS = [
+    "--no-sandbox", "--disable-gpu-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist",
+]  # fmt: skip
+SHOTS = os.environ.get("BUNRAKU_SHOTS")
+"""A folder for the pictures, to be looked at."""
+
+LAUNCH = '''"""The page and everything that it drives."""
+from bunraku.runtime.launch import NodeSpec, node
+
+
+def launch() -> list[NodeSpec]:
+    """Everything the page drives."""
+    return [
+        node("recorder"), node("input_touch", params={"drivers": ["web"]}),
+        node("input_pen", params={"drivers": ["web"]}), node("input_hand", params={"drivers": ["web"]}),
+        node("interpreter"), node("controller"),
+        node("web", params={"port": PORT, "takes": "TAKES"}, respawn=True),
+    ]
+'''
+
+
+class Ear:
+    """Hears one topic from the beginning of a test."""
+
+    def __init__(self, folder: Path, topic: str) -> None:
+        self.context: zmq.Context[Any] = zmq.Context()
+        self.socket: zmq.Socket[bytes] = self.context.socket(zmq.SUB)
+        self.socket.setsockopt(zmq.RCVHWM, 0)
+        self.socket.subscribe(b"")
+        self.socket.connect(endpoint(file_of(folder, topic)))
+        self.heard: list[dict[str, Any]] = []
+
+    def listen(self) -> list[dict[str, Any]]:
+        """All that came so far."""
+        while self.socket.poll(0):
+            self.heard.append(msgpack.unpackb(self.socket.recv()))
+        return self.heard
+
+    def close(self) -> None:
+        self.socket.close(0)
+        self.context.term()
+
+
+class Hall:
+    """A running stage and where to find it."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port: int = probe.getsockname()[1]
+        self.takes = folder / "takes"
+        file = folder / "page.py"
+        file.write_text(LAUNCH.replace("PORT", str(self.port)).replace("TAKES", str(self.takes)))
+        run = folder / "r"
+        run.mkdir(mode=0o700)
+        self.folder = run / "bunraku" / "page"
+        environment = {**os.environ, "XDG_RUNTIME_DIR": str(run), "BUNRAKU_STAGE": "page"}
+        self.log = (folder / "log").open("w+")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "bunraku.cli", "launch", str(file)], env=environment, stdout=self.log,
+            stderr=subprocess.STDOUT, cwd=folder, start_new_session=True,
+        )  # fmt: skip
+        self.until(self.listening, 120.0)
+
+    @property
+    def link(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+    def listening(self) -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+    def until(self, condition: Callable[[], bool], seconds: float = 30.0) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            assert self.process.poll() is None, self.said()
+            assert time.monotonic() < end, self.said()
+            time.sleep(0.05)
+
+    def said(self) -> str:
+        self.log.flush()
+        return Path(self.log.name).read_text()[-4000:]
+
+    def web_pid(self) -> int:
+        import json
+
+        return int(json.loads(file_of(self.folder, "web/events", ".json").read_text())["pid"])
+
+    def close(self) -> None:
+        self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(20.0)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+            self.log.close()
+
+
+class Person:
+    """Someone at a page."""
+
+    def __init__(self, browser: Any, hall: Hall, **options: Any) -> None:
+        options = {"viewport": {"width": 960, "height": 640}, "has_touch": True, **options}
+        self.hall = hall
+        self.context = browser.new_context(**options)
+        self.page = self.context.new_page()
+        self.faults: list[str] = []
+        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
+        self.page.on("console", lambda line: self.faults.append(line.text) if line.type == "error" else None)
+        self.requests: list[str] = []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.cdp = self.context.new_cdp_session(self.page)
+        self.open()
+
+    def open(self) -> None:
+        self.page.goto(self.hall.link)
+        self.until("bunraku.stage.figures.size && bunraku.stage.shown.seq >= 0 && bunraku.here.role")
+
+    def ask(self, expression: str, value: Any = None) -> Any:
+        return self.page.evaluate(expression, value) if value is not None else self.page.evaluate(expression)
+
+    def until(self, condition: str, seconds: float = 30.0) -> None:
+        """Wait for something on the page (its policy forbids the waiting that the browser's driver would do there)."""
+        end = time.monotonic() + seconds
+        while not self.ask(f"!!(window.bunraku && ({condition}))"):
+            assert time.monotonic() < end, f"{condition} did not come; {self.faults}; {self.hall.said()}"
+            self.page.wait_for_timeout(40)
+
+    def where(self, role: str) -> tuple[float, float]:
+        """Pixels of the page where a joint is seen."""
+        x, y = self.ask(
+            """async role => {
+              const {stage} = bunraku, view = await import('/view.js'), r = stage.picture();
+              const q = view.project(view.viewOf(stage.camera), stage.figures.get(0).place(role));
+              return [r.left + q.x * r.width, r.top + q.y * r.height];
+            }""",
+            role,
+        )
+        return float(x), float(y)
+
+    def fingers(self, kind: str, *places: tuple[float, float], force: float = 0.4) -> None:
+        points = [
+            {"x": x, "y": y, "id": i, "radiusX": 9, "radiusY": 6, "rotationAngle": 20, "force": force}
+            for i, (x, y) in enumerate(places)
+        ]
+        self.cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def pen(self, kind: str, x: float, y: float, **more: Any) -> None:
+        event = {"type": kind, "x": x, "y": y, "pointerType": "pen", **more}
+        self.cdp.send("Input.dispatchMouseEvent", event)
+
+    def shot(self, name: str) -> np.ndarray:
+        """The page as it is seen, (h, w, 3)."""
+        data = self.page.screenshot()
+        if SHOTS:
+            Path(SHOTS).mkdir(parents=True, exist_ok=True)
+            (Path(SHOTS) / f"{name}.png").write_bytes(data)
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
+
+    def reset(self) -> None:
+        self.page.get_by_role("button", name="Reset").click()
+
+    def close(self) -> None:
+        self.context.close()
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
+    one = Hall(tmp_path_factory.mktemp("p"))
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as driver:
+        one = driver.chromium.launch(executable_path=BROWSER, args=FLAGS)
+        yield one
+        one.close()
+
+
+@pytest.fixture
+def person(browser: Any, hall: Hall) -> Iterator[Person]:
+    one = Person(browser, hall)
+    yield one
+    assert one.faults == []
+    one.close()
+    hall.until(lambda: True)
+
+
+@pytest.fixture
+def ear(hall: Hall) -> Iterator[Callable[[str], Ear]]:
+    made: list[Ear] = []
+
+    def listen(topic: str) -> Ear:
+        made.append(Ear(hall.folder, topic))
+        time.sleep(0.3)  # ZeroMQ tells nobody that a subscription has arrived
+        return made[-1]
+
+    yield listen
+    for one in made:
+        one.close()
+
+
+def teal(picture: np.ndarray, at: tuple[float, float], reach: int = 45) -> int:
+    """Pixels of the left hand's colour around a place."""
+    x, y = round(at[0]), round(at[1])
+    r, g, b = (picture[max(0, y - reach) : y + reach, max(0, x - reach) : x + reach, k] for k in range(3))
+    return int(((g - r > 40) & (b - r > 40)).sum())
+
+
+def test_two_fingers_drag_hand_and_pelvis(person: Person, ear: Callable[[str], Ear]) -> None:
+    touches, poses = ear("touch"), ear("pose")
+    hand, hips = person.where("leftHand"), person.where("hips")
+    goal, low = (hand[0] + 75, hand[1] - 125), (hips[0], hips[1] + 45)
+    assert teal(person.shot("before"), goal) < 20
+    person.fingers("touchStart", hand)
+    person.fingers("touchStart", hand, hips)
+    for k in range(1, 31):
+        share = k / 30
+        person.fingers(
+            "touchMove",
+            (hand[0] + share * (goal[0] - hand[0]), hand[1] + share * (goal[1] - hand[1])),
+            (hips[0], hips[1] + share * (low[1] - hips[1])),
+        )
+        person.page.wait_for_timeout(16)
+    person.page.wait_for_timeout(800)
+    reached, sunk = person.where("leftHand"), person.where("hips")
+    assert np.hypot(reached[0] - goal[0], reached[1] - goal[1]) < 25
+    assert sunk[1] - hips[1] > 15
+    assert teal(person.shot("dragged"), goal) > 60
+    person.fingers("touchEnd")
+    person.until("!bunraku.contacts.any")
+    heard = [one for one in touches.listen() if one["device"].startswith("web-")]
+    contacts = [contact for one in heard for contact in one["contacts"]]
+    assert {len(one["contacts"]) for one in heard} >= {1, 2}
+    first = contacts[0]
+    picture = person.ask("bunraku.stage.picture()")
+    assert (first["phase"], first["x"]) == (
+        "down",
+        pytest.approx((hand[0] - picture["left"]) / picture["width"], abs=2e-3),
+    )
+    metre = 0.0254 / 96
+    assert first["major"] == pytest.approx(18 * metre, rel=0.15)
+    assert first["minor"] == pytest.approx(12 * metre, rel=0.15)
+    assert first["angle"] == pytest.approx(np.radians(20), abs=0.02)
+    ends: dict[int, str] = {one["id"]: one["phase"] for one in contacts}
+    assert set(ends.values()) == {"up"}
+    assert any(one["origin"] is not None for one in poses.listen())
+
+
+def test_a_pen_s_every_value_arrives(person: Person, ear: Callable[[str], Ear]) -> None:
+    pens = ear("pen")
+    person.page.locator("label", has_text="Pen").first.click()
+    picture = person.ask("bunraku.stage.picture()")
+    x, y = picture["left"] + 0.25 * picture["width"], picture["top"] + 0.75 * picture["height"]
+    person.pen("mouseMoved", x, y)
+    person.pen(
+        "mousePressed", x, y, button="left", buttons=1, force=0.25, tiltX=30, tiltY=-20, twist=90, clickCount=1
+    )
+    for k in range(1, 21):
+        person.pen(
+            "mouseMoved", x + 4 * k, y, button="left", buttons=1, force=0.25 + 0.03 * k, tiltX=30, tiltY=-20, twist=90
+        )
+        person.page.wait_for_timeout(8)
+    person.pen("mouseReleased", x + 80, y, button="left", buttons=0)
+    person.page.wait_for_timeout(300)
+    heard = pens.listen()
+    touching = [one for one in heard if one["contact"]]
+    assert heard[0]["in_range"]
+    assert not heard[0]["contact"]
+    assert touching[0]["x"] == pytest.approx(0.25, abs=2e-3)
+    assert touching[0]["y"] == pytest.approx(0.75, abs=2e-3)
+    assert touching[0]["pressure"] == pytest.approx(0.25, abs=0.01)
+    assert len(touching) >= 20  # every sample, the coalesced ones too
+    assert touching[-1]["pressure"] == pytest.approx(0.85, abs=0.01)
+    assert max(np.diff([one["x"] for one in touching])) < 6 / picture["width"]
+    tx, ty = np.tan(np.radians([30, -20]))
+    assert touching[3]["altitude"] == pytest.approx(np.arctan(1 / np.hypot(tx, ty)), abs=1e-3)
+    assert touching[3]["azimuth"] == pytest.approx(np.arctan2(ty, tx) % (2 * np.pi), abs=1e-3)
+    assert touching[3]["twist"] == pytest.approx(np.pi / 2)
+    assert not heard[-1]["contact"]
+
+
+def test_slider_made_hands_arrive_and_a_double_click_ramps(person: Person, ear: Callable[[str], Ear]) -> None:
+    hands = ear("hands")
+    person.page.locator("label", has_text="Hands").first.click()
+    person.page.get_by_label("right hand x").fill("0.4")
+    person.page.get_by_label("right index finger").fill("-0.7")
+    person.page.get_by_label("left middle finger").fill("1")
+    plane = person.page.locator("#plane").bounding_box()
+    person.page.mouse.dblclick(plane["x"] + 0.75 * plane["width"], plane["y"] + 0.25 * plane["height"])
+    person.page.wait_for_timeout(2200)
+    person.shot("hands")
+    heard = [one for one in hands.listen() if one["left"] is not None]
+    last = heard[-1]
+    assert last["right"]["position"] == pytest.approx([0.4, 0.0, 0.0])
+    assert last["right"]["bend"] == pytest.approx([0.0, -0.7, 0.0, 0.0, 0.0])
+    assert last["left"]["bend"][2] == 1.0
+    assert last["left"]["position"][:2] == pytest.approx([0.5, 0.5], abs=0.03)
+    ramp = [one["left"]["position"][2] for one in heard]
+    assert ramp[0] == -1.0
+    assert ramp[-1] == -1.0
+    assert max(ramp) == 1.0
+    rising = ramp[ramp.index(next(z for z in ramp if z > -1)) : ramp.index(1.0)]
+    assert len(rising) > 8
+    assert rising == sorted(rising)
+    person.page.keyboard.press("Escape")
+    person.page.locator("label", has_text="Touch").first.click()
+
+
+def test_a_mouse_alone_holds_two_parts(person: Person, ear: Callable[[str], Ear]) -> None:
+    touches = ear("touch")
+    hand, hips = person.where("rightHand"), person.where("hips")
+    person.page.keyboard.down("Shift")
+    person.page.mouse.move(*hips)
+    person.page.mouse.down()
+    person.page.mouse.up()
+    person.page.keyboard.up("Shift")
+    person.page.mouse.move(*hand)
+    person.page.mouse.down()
+    person.page.mouse.move(hand[0] - 30, hand[1] - 100, steps=20)
+    person.page.wait_for_timeout(500)
+    reached = person.where("rightHand")
+    assert np.hypot(reached[0] - hand[0] + 30, reached[1] - hand[1] + 100) < 25
+    person.page.mouse.up()
+    person.until("bunraku.contacts.live.size === 1")
+    person.page.keyboard.press("Escape")
+    person.until("!bunraku.contacts.any")
+    person.page.wait_for_timeout(200)
+    heard = [one["contacts"] for one in touches.listen() if one["device"].startswith("web-")]
+    assert max(len(one) for one in heard) == 2
+    assert {one["phase"] for one in heard[-1]} == {"up"}
+
+
+def test_a_reload_in_mid_drag_lets_go_and_the_page_plays_on(person: Person, ear: Callable[[str], Ear]) -> None:
+    touches = ear("touch")
+    person.fingers("touchStart", person.where("leftHand"))
+    person.until("bunraku.outbox.sent > 0")
+    before = person.ask("bunraku.connection.identity.page")
+    person.page.wait_for_timeout(200)
+    person.open()
+    person.page.wait_for_timeout(300)
+    assert person.ask("bunraku.connection.identity.page") == before
+    heard = [one["contacts"] for one in touches.listen() if one["device"] == f"web-{before}"]
+    assert heard[-1][0]["phase"] in ("cancel", "up")
+    person.fingers("touchEnd")
+    count = len(heard)
+    person.fingers("touchStart", person.where("leftHand"))
+    person.until("bunraku.outbox.sent > 0")
+    person.fingers("touchEnd")
+    person.page.wait_for_timeout(300)
+    assert len([one for one in touches.listen() if one["device"] == f"web-{before}"]) > count
+
+
+def test_a_server_killed_in_mid_drag_is_found_again(person: Person, ear: Callable[[str], Ear], hall: Hall) -> None:
+    touches = ear("touch")
+    x, y = person.where("leftHand")
+    person.fingers("touchStart", (x, y))
+    for k in range(10):
+        person.fingers("touchMove", (x, y - 4 * k))
+        person.page.wait_for_timeout(16)
+    pid = hall.web_pid()
+    os.kill(pid, signal.SIGKILL)
+    person.until("!bunraku.connection.open")
+    person.until("document.getElementById('lost').hidden === false", 5)
+    person.until("bunraku.connection.open", 40)
+    assert hall.web_pid() != pid
+    person.until("document.getElementById('lost').hidden")
+    for k in range(10, 25):
+        person.fingers("touchMove", (x, y - 4 * k))
+        person.page.wait_for_timeout(30)
+    person.page.wait_for_timeout(600)
+    reached = person.where("leftHand")
+    assert np.hypot(reached[0] - x, reached[1] - (y - 96)) < 30
+    person.fingers("touchEnd")
+    person.page.wait_for_timeout(300)
+    phases: dict[int, list[str]] = {}
+    for one in touches.listen():
+        for contact in one["contacts"]:
+            phases.setdefault(contact["id"], []).append(contact["phase"])
+    assert len(phases) == 2  # the finger is told as a new one after the restart
+    assert all(one[0] == "down" and one[-1] in ("up", "cancel") for one in phases.values())
+    person.faults = [
+        one for one in person.faults if "WebSocket" not in one
+    ]  # the browser's line about the lost socket
+
+
+def test_a_second_page_watches_the_same_figure(person: Person, browser: Any, hall: Hall) -> None:
+    other = Person(browser, hall)
+    try:
+        other.until("bunraku.here.role === 'watch'")
+        x, y = person.where("leftHand")
+        before = other.where("leftHand")
+        person.fingers("touchStart", (x, y))
+        for k in range(25):
+            person.fingers("touchMove", (x, y - 4 * k))
+            person.page.wait_for_timeout(16)
+        other.page.wait_for_timeout(500)
+        after = other.where("leftHand")
+        assert before[1] - after[1] > 50
+        person.fingers("touchEnd")
+        other.fingers("touchStart", other.where("hips"))
+        other.page.wait_for_timeout(200)
+        assert other.ask("bunraku.outbox.sent") == 0
+        other.fingers("touchEnd")
+        assert other.faults == []
+    finally:
+        other.close()
+    person.until("bunraku.here.pages === 1")
+
+
+def test_a_take_is_recorded_scrubbed_played_and_saved(person: Person, hall: Hall) -> None:
+    page = person.page
+    page.get_by_role("button", name="Take", exact=True).click()
+    person.until("document.getElementById('take').getAttribute('aria-pressed') === 'true'")
+    x, y = person.where("leftHand")
+    person.fingers("touchStart", (x, y))
+    for k in range(30):
+        person.fingers("touchMove", (x, y - 4 * k))
+        page.wait_for_timeout(16)
+    page.wait_for_timeout(400)
+    high = person.where("leftHand")
+    person.fingers("touchEnd")
+    page.wait_for_timeout(300)
+    page.get_by_role("button", name="Stop").click()
+    person.until("bunraku.timeline.player.track")
+    person.reset()
+    page.locator("#scrub").fill("0.001")
+    person.until("Math.abs(bunraku.timeline.player.share - 0.001) < 1e-3")
+    page.wait_for_timeout(150)
+    start = person.where("leftHand")
+    assert np.hypot(start[0] - x, start[1] - y) < 25
+    page.locator("#scrub").fill("0.75")
+    page.wait_for_timeout(150)
+    late = person.where("leftHand")
+    assert np.hypot(late[0] - high[0], late[1] - high[1]) < 40
+    page.get_by_role("button", name="Play the take").click()
+    person.until("!bunraku.timeline.player.playing && bunraku.timeline.player.share === 1")
+    with page.expect_download() as saved:
+        page.locator("#download").select_option("mcap")
+    name = saved.value.suggested_filename
+    assert (hall.takes / name).read_bytes() == Path(saved.value.path()).read_bytes()
+    with page.expect_download(timeout=60_000) as saved:
+        page.locator("#download").select_option("bvh")
+    assert Path(saved.value.path()).read_text().startswith("HIERARCHY")
+    page.locator("#takes").select_option("")
+    person.until("bunraku.stage.replay === null")
+
+
+def test_parameters_are_shown_with_their_docs_and_changed(person: Person, hall: Hall) -> None:
+    page = person.page
+    page.get_by_role("button", name="Settings").click()
+    page.locator("summary", has_text="interpreter").click()
+    assert page.get_by_text("width by height of the picture").is_visible()
+    page.get_by_label("interpreter follow").uncheck()
+    hall.until(lambda: ask(hall.folder, "interpreter", "param.get")["params"]["follow"] is False)
+    page.get_by_label("interpreter follow").check()
+    hall.until(lambda: ask(hall.folder, "interpreter", "param.get")["params"]["follow"] is True)
+    page.keyboard.press("Escape")
+    assert page.locator("#drawer").is_hidden()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (800, 1280), (390, 844), (844, 390)])
+def test_everything_is_within_reach(browser: Any, hall: Hall, scheme: str, width: int, height: int) -> None:
+    person = Person(browser, hall, viewport={"width": width, "height": height}, color_scheme=scheme)
+    try:
+        for way in ("Touch", "Pen", "Hands"):
+            person.page.locator("label", has_text=way).first.click()
+            person.page.wait_for_timeout(250)
+            picture = person.shot(f"{scheme}-{width}x{height}-{way.lower()}")
+            outside = person.ask(
+                """() => [...document.querySelectorAll('header button, footer button, footer select, .ways span')]
+                  .filter(one => one.offsetParent).filter(one => { const b = one.getBoundingClientRect();
+                    return b.left < 0 || b.top < 0 || b.right > innerWidth + 1 || b.bottom > innerHeight + 1
+                      || b.width < 36 || b.height < 36; }).map(one => one.id || one.textContent)"""
+            )
+            assert outside == []
+            assert person.ask("document.documentElement.scrollWidth <= innerWidth")
+            stage = person.ask("(({width, height}) => [width, height])(bunraku.stage.picture())")
+            assert stage[0] > 0.3 * width
+            dark = picture[5, 5].mean() < 90
+            assert dark == (scheme == "dark")
+        assert person.ask("bunraku.stage.calls") <= 50
+        assert person.faults == []
+        assert all(url.startswith((hall.link, "data:", "blob:")) for url in person.requests)
+    finally:
+        person.close()
+
+
+def test_the_page_is_driven_by_keyboard(person: Person) -> None:
+    page = person.page
+    page.locator("input[value=touch]").focus()
+    page.keyboard.press("ArrowRight")
+    assert person.ask("document.body.dataset.way") == "pen"
+    page.keyboard.press("ArrowRight")
+    assert person.ask("document.body.dataset.way") == "hands"
+    page.locator("#plane").focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    assert person.ask("bunraku.hands.hands.left.position[0]") == pytest.approx(0.1)
+    assert person.ask("bunraku.hands.performing") is not None
+    page.keyboard.down("2")
+    person.until("bunraku.hands.hands.right.bend[1] > 0.5")
+    page.keyboard.up("2")
+    person.until("bunraku.hands.hands.right.bend[1] === 0")
+    unnamed = person.ask(
+        """() => [...document.querySelectorAll('button, select, input')].filter(one => !(one.ariaLabel
+          || one.textContent.trim() || (one.labels && [...one.labels].some(l => l.textContent.trim())))).map(one => one.outerHTML)"""
+    )
+    assert unnamed == []
+    page.locator("label", has_text="Touch").first.click()
