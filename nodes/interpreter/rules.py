@@ -41,7 +41,7 @@ class TouchRules:
     """m of drag over which it fades in after the grab, so that grabbing moves nothing."""
     widest_turn: float = 1.75
     """rad that a trunk or head may be asked to turn from where it was grabbed."""
-    aim_gain: float = 4.0
+    aim_gain: float = 14.0
     """1/s: how fast a grabbed point's remaining distance from the finger is worked off."""
     aim_limit: float = 0.30
     """m of that correction at most."""
