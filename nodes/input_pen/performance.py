@@ -6,11 +6,13 @@
     start = 0.5                              # s
     ground = [[0.0, 0.0, 0.3], [2.0, 1.5, 1.0]]   # [s since the start, x, z] m, seen by the default camera
     # path = [[0.0, 0.4, 0.8], [2.0, 0.7, 0.7]]   # or [s since the start, x, y] shares of the picture
+    # cm = [[0.0, 0.0, 0.0], [2.0, 6.0, 3.0]]     # or [s since the start, right, up] cm from a tablet's middle
     pressure = [[0.0, 0.2], [1.0, 0.9]]      # or one number
     tilt = [[0.0, 90, 0], [1.0, 60, 180]]    # [s, altitude, azimuth] degrees; or one pair
     hover = 0.15                             # s that the pen hovers before it lands and after it lifts
 
-The pen runs smoothly through its points, without overshoot. A file may hold a hundred strokes; they must not overlap.
+``size_cm = [25.0, 15.6]`` beside the title tells the tablet's size. The pen runs smoothly through its points, without
+overshoot. A file may hold a hundred strokes; they must not overlap.
 """
 
 import math
@@ -31,7 +33,10 @@ Array = NDArray[np.float64]
 LONGEST = 3600.0  # s
 MOST_STROKES = 100
 MOST_POINTS = 4096
-KEYS = {"start", "path", "ground", "pressure", "tilt", "hover"}
+WAYS = ("path", "ground", "cm")
+KEYS = {"start", *WAYS, "pressure", "tilt", "hover"}
+TABLET = (0.25, 0.15625)
+"""m, width and height of a tablet whose size is not written."""
 
 
 class PerformanceError(ValueError):
@@ -86,6 +91,8 @@ class Performance:
 
     title: str
     strokes: tuple[Stroke, ...]
+    size_m: tuple[float, float] | None = None
+    """Width and height of the tablet; None where nothing says that it is one."""
 
     @property
     def length(self) -> float:
@@ -111,26 +118,45 @@ def load(path: str | Path) -> Performance:
     written = data.get("stroke")
     if not isinstance(written, list) or not 0 < len(written) <= MOST_STROKES:
         raise PerformanceError(f"{path}: write 1 to {MOST_STROKES} [[stroke]] tables")
+    size = _size(path, data.get("size_cm"))
+    if size is None and any(isinstance(one, dict) and "cm" in one for one in written):
+        size = TABLET
     strokes = []
     for number, one in enumerate(written, 1):
         try:
-            strokes.append(_stroke(one))
+            strokes.append(_stroke(one, size or TABLET))
         except (ValueError, TypeError) as error:
             raise PerformanceError(f"{path}: stroke {number}: {error}") from None
     strokes.sort(key=lambda stroke: stroke.begin)
     for before, after in pairwise(strokes):
         if after.begin < before.end:
             raise PerformanceError(f"{path}: the stroke at {after.start:g} s begins before the one before has ended")
-    return Performance(str(data.get("title", Path(path).stem)), tuple(strokes))
+    return Performance(str(data.get("title", Path(path).stem)), tuple(strokes), size)
 
 
-def _stroke(one: dict[str, Any]) -> Stroke:
+def _size(path: str | Path, given: object) -> tuple[float, float] | None:
+    if given is None:
+        return None
+    if isinstance(given, list) and len(given) == 2 and all(isinstance(v, int | float) for v in given):
+        width, height = float(given[0]), float(given[1])
+        if 1.0 <= width <= 500.0 and 1.0 <= height <= 500.0:
+            return 0.01 * width, 0.01 * height
+    raise PerformanceError(f"{path}: size_cm: write the tablet's width and height, 1 to 500 cm")
+
+
+def _stroke(one: dict[str, Any], size: tuple[float, float]) -> Stroke:
     unknown = sorted(set(one) - KEYS)
     if unknown:
         raise ValueError(f"unknown key {unknown[0]!r} (has: {', '.join(sorted(KEYS))})")
-    if ("path" in one) == ("ground" in one):
-        raise ValueError("give either path or ground")
-    path = _rows(one, "path" if "path" in one else "ground", 3)
+    ways = [key for key in WAYS if key in one]
+    if len(ways) != 1:
+        raise ValueError("give one of path, ground or cm")
+    path = _rows(one, ways[0], 3)
+    if "cm" in one:
+        shares = 0.5 + path[:, 1:] * np.array([0.01, -0.01]) / np.array(size)
+        if ((shares < 0.0) | (shares > 1.0)).any():
+            raise ValueError(f"cm: a place lies beyond the tablet of {100 * size[0]:g} x {100 * size[1]:g} cm")
+        path = np.column_stack([path[:, 0], shares])
     if "ground" in one:
         places = np.column_stack([path[:, 1], np.zeros(len(path)), path[:, 2]])
         shares = project(default_camera(), places)

@@ -23,7 +23,7 @@ class ScriptDriver(PerformanceDriver):
         self.device = f"script-{Path(file).stem}"
         self.before: Pen | None = None
         self.host.connected(
-            self.device, driver="script", fields=["pressure", "altitude", "azimuth"],
+            self.device, driver="script", size_m=self.performance.size_m, fields=["pressure", "altitude", "azimuth"],
             rate=float(self.host.option("rate")), note=self.performance.title,
         )  # fmt: skip
 
@@ -34,11 +34,15 @@ class ScriptDriver(PerformanceDriver):
         moment = self.performance.at(t) if t < self.length() else None
         if moment is not None:
             self.before = Pen(
-                device=self.device, in_range=True, contact=moment.contact, x=moment.x, y=moment.y,
-                pressure=moment.pressure, altitude=moment.altitude, azimuth=moment.azimuth,
+                device=self.device, size_m=self.performance.size_m, in_range=True, contact=moment.contact,
+                x=moment.x, y=moment.y, pressure=moment.pressure, altitude=moment.altitude, azimuth=moment.azimuth,
                 buttons=int(moment.contact), origin=now,
             )  # fmt: skip
             self.host.say(self.before)
         elif self.before is not None:
             last, self.before = self.before, None
-            self.host.say(Pen(device=self.device, in_range=False, contact=False, x=last.x, y=last.y, origin=now))
+            gone = Pen(
+                device=self.device, size_m=last.size_m, in_range=False, contact=False, x=last.x, y=last.y,
+                altitude=last.altitude, azimuth=last.azimuth, origin=now,
+            )  # fmt: skip
+            self.host.say(gone)

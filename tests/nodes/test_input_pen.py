@@ -114,7 +114,7 @@ def test_a_written_stroke_is_played_on_the_ground(tmp_path: Path) -> None:
     ("text", "why"),
     [
         ("", "1 to 100"),
-        ("[[stroke]]", "either path or ground"),
+        ("[[stroke]]", "one of path, ground or cm"),
         ("[[stroke]]\npath = [[0.0, 0.1]]", "rows of 3"),
         ("[[stroke]]\npath = [[1.0, 0.1, 0.1], [0.5, 0.1, 0.1]]", "must rise"),
         ("[[stroke]]\npath = [[0.0, 0.1, 0.1]]\ncolour = 1", "unknown key 'colour'"),
@@ -151,3 +151,22 @@ def test_whatever_a_page_does_its_pen_is_out_at_the_end(states: list[tuple[bool,
         stage.publish("web/events", Event(device="web-ab", kind="pen", pen=[one]))
     stage.publish("web/events", Event(device="web-ab", kind="gone"))
     assert not stage.last("pen").in_range
+
+
+def test_a_tablets_strokes_are_written_in_centimetres(tmp_path: Path) -> None:
+    file = tmp_path / "tablet.pen"
+    file.write_text("size_cm = [20, 10]\n[[stroke]]\ncm = [[0.0, 0.0, 0.0], [1.0, 5.0, 2.5]]\n")
+    performance = load(file)
+    assert performance.size_m == pytest.approx((0.2, 0.1))
+    moment = performance.strokes[0].at(1.0)
+    assert (moment.x, moment.y) == pytest.approx((0.75, 0.25))
+    file.write_text("[[stroke]]\ncm = [[0.0, 0.0, 0.0], [1.0, 5.0, 2.5]]\n")
+    assert load(file).size_m == (0.25, 0.15625)
+    for text, words in (
+        ("size_cm = [20]\n[[stroke]]\ncm = [[0.0, 0.0, 0.0]]\n", "width and height"),
+        ("[[stroke]]\ncm = [[0.0, 0.0, 9.0]]\n", "beyond the tablet of 25 x 15.625 cm"),
+        ("[[stroke]]\ncm = [[0.0, 0.0, 0.0]]\npath = [[0.0, 0.1, 0.1]]\n", "one of path, ground or cm"),
+    ):
+        file.write_text(text)
+        with pytest.raises(PerformanceError, match=words):
+            load(file)
