@@ -1,14 +1,17 @@
 """Writing mp4: H.264, frame by frame, readable at every moment and quick to start when finished."""
 
 import os
+import threading
 from fractions import Fraction
 from pathlib import Path
+from queue import Queue
 from typing import Any
 
 import numpy as np
 
 from bunraku.nodes.renderer.view import Pixels
 
+_END = object()
 BT709 = 1
 LIMITED = 1
 """FFmpeg's numbers of the colour space and of its range of values."""
@@ -55,42 +58,65 @@ class Video:
         self._stream = stream
         self._scale = av.video.reformatter.VideoReformatter()
         self._last: Any = None
+        # drawing and encoding overlap: two frames may wait
+        self._queue: Queue[Any] = Queue(maxsize=2)
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="encoder", daemon=True)
+        self._thread.start()
 
     def write(self, pixels: Pixels) -> None:
-        """One frame, (height, width, 4)."""
-        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgba")
-        self._last = self._scale.reformat(frame, format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED)
-        self._encode(self._last)
+        """One frame, (height, width, 4); may be changed at once. Raises `VideoError`, also for an earlier frame."""
+        self._put(self._av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgba"))
 
     def repeat(self) -> None:
         """The last frame once more, without drawing it."""
-        self._encode(self._last)
+        self._put(None)
 
-    def _encode(self, frame: Any) -> None:
-        frame.pts = self.frames
-        frame.time_base = Fraction(1, self.fps)
+    def _put(self, frame: Any) -> None:
+        self._check("written")
         self.frames += 1
-        try:
-            for packet in self._stream.encode(frame):
-                self._file.mux(packet)
-        except (OSError, self._av.FFmpegError) as error:
-            raise VideoError(f"{self.path} cannot be written: {error}") from None
+        self._queue.put(frame)
+
+    def _check(self, what: str) -> None:
+        if self._error is not None:
+            raise VideoError(f"{self.path} cannot be {what}: {self._error}") from None
+
+    def _run(self) -> None:
+        count = 0
+        while (frame := self._queue.get()) is not _END:
+            if self._error is not None:
+                continue  # whoever writes is not left waiting
+            try:
+                if frame is not None:
+                    self._last = self._scale.reformat(
+                        frame, format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED
+                    )
+                self._last.pts, self._last.time_base = count, Fraction(1, self.fps)
+                count += 1
+                for packet in self._stream.encode(self._last):
+                    self._file.mux(packet)
+            except Exception as error:
+                self._error = error
 
     def close(self) -> None:
         """Finish the file; one without a frame is removed."""
         if self._file is None:
             return
+        self._queue.put(_END)
+        self._thread.join()
         file, self._file = self._file, None
         try:
-            for packet in self._stream.encode(None):
-                file.mux(packet)
+            if self._error is None:
+                for packet in self._stream.encode(None):
+                    file.mux(packet)
             file.close()
             if self.frames == 0:
                 self.path.unlink(missing_ok=True)
-            else:
+            elif self._error is None:
                 self._index_first()
         except (OSError, self._av.FFmpegError) as error:
-            raise VideoError(f"{self.path} could not be finished: {error}") from None
+            self._error = self._error or error
+        self._check("finished")
 
     def _index_first(self) -> None:
         """Copy the packets into a plain mp4 beside it, which then takes its place."""
