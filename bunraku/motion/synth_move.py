@@ -277,9 +277,12 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
     way = np.array([np.sin(angle), 0.0, np.cos(angle)]) * distance
     ahead, aside = float(way[2]), float(way[0])
     # Take-off with stretched legs on the toes; the rest of the height is flight.
-    tiptoe = 0.070
+    # How far the hips are from over the ankles then; these come forward as the heels rise.
+    lean_out = min(0.20 * distance, 0.22)
+    off_ankles = np.hypot(lean_out * np.cos(angle) - 0.12, lean_out * np.sin(angle))
+    tiptoe = 0.064 - (0.82 - float(np.sqrt(0.82**2 - off_ankles**2)))
     rise = max(height - tiptoe, 0.03)
-    fall = rise + 0.045  # lands with knees a little bent, on flat feet
+    fall = rise + tiptoe + 0.035  # lands with knees a little bent, on flat feet
     up, down = np.sqrt(2 * rise / GRAVITY), np.sqrt(2 * fall / GRAVITY)
     low = (0.13 + 0.42 * height + 0.06 * distance) * crouch
     low = min(low, 0.36)
@@ -314,7 +317,6 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
     y = np.where(t > settle, -dip_land * (1.0 - _unit((t - settle) / recover)), y)
     plan.root[:, 1] = home + size * y
     # Over the ground: some way on the feet at either end, the rest in flight at constant speed.
-    lean_out = min(0.20 * distance, 0.22)
     flight = distance - 1.0 * lean_out - 0.5 * lean_out
     v = flight / (up + down)
     s = np.zeros(len(t))
@@ -352,7 +354,7 @@ def _jump_feet(
         toe = np.radians(58.0)
         land = np.radians(-16.0 + 30.0 * np.clip(ahead, 0.0, 1.0) - 8.0 * np.clip(-ahead, 0.0, 1.0))
         pitch = _smooth(t, [
-            (deep + 0.25 * (off - deep), 0.0), (deep + 0.62 * (off - deep), -0.25 * toe), (off, -toe), (off + 0.18 * span, -1.02 * toe),
+            (deep + 0.25 * (off - deep), 0.0), (deep + 0.66 * (off - deep), -0.22 * toe), (off, -0.90 * toe), (off + 0.14 * span, -1.06 * toe),
             (off + 0.60 * span, -0.45 * toe + 0.3 * land), (on, land), (on + 0.07, 0.0),
         ])  # fmt: skip
         # The soles stay below the body: drawn up in the middle, and all the way no farther off than a leg is long.
@@ -360,11 +362,16 @@ def _jump_feet(
         lift = size * tuck * w**1.6 * (u > 0) * (u < 1)
         sole = frame.soles[side]
         hip = plan.root[:, 1] + frame.hip_offsets[side, 1]
-        away = np.hypot(plan.root[:, 0] + frame.hip_offsets[side, 0] - ground[:, 0], plan.root[:, 2] - ground[:, 2])
-        most = np.sqrt(np.maximum((0.992 * frame.leg) ** 2 - away**2, 1e-4))
-        least = hip - most - rolled(sole, pitch)[:, 0]
-        least = np.where((t > off) & (t < on), np.maximum(least, 0.0), 0.0)
-        lift = np.maximum(lift, least) + 0.25 * np.minimum(lift, least)
+        rise, forward = rolled(sole, pitch).T
+        away = np.hypot(
+            plan.root[:, 0] + frame.hip_offsets[side, 0] - ground[:, 0], plan.root[:, 2] - ground[:, 2] - forward
+        )
+        straight = 0.984 + 0.010 * blend(t, off, off + 0.12) * (1.0 - blend(t, on - 0.10, on))
+        most = np.sqrt(np.maximum((straight * frame.leg) ** 2 - away**2, 1e-4))
+        least = hip - most - rise
+        flying = (t > off) & (t < on)
+        soft = 0.02 * size * w
+        lift = np.where(flying, np.maximum(0.5 * (lift + least + np.hypot(lift - least, soft)), 0.0), 0.0)
         _put(frame, plan, side, ground, np.full(len(t), SIGN[side] * TOE_OUT), pitch, lift)
         plan.toe_bend[side] = np.clip(-pitch, 0.0, np.radians(50.0)) * (1.0 - blend(u, 0.0, 0.35))
         plan.contacts[:, side] = (t <= off + 1e-9) | (t >= on - 1e-9)
