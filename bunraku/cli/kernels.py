@@ -4,6 +4,7 @@
 exactly what it calls is compiled, with the types that it calls it with, into the cache on disk.
 """
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -27,7 +28,9 @@ def folder() -> Path:
 
 def mark(node: str) -> Path:
     """The file that says that a node's kernels are compiled ('module:Class')."""
-    return folder() / f"{MARK}-{node.replace(':', '.')}"
+    # numba keeps the kernels of two installations of the same sources apart
+    place = hashlib.sha256(os.fsencode(Path(__file__).absolute())).hexdigest()[:8]
+    return folder() / f"{MARK}-{node.replace(':', '.')}-{place}"
 
 
 def missing(nodes: Sequence[str]) -> list[str]:
