@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.motion import rotation as rot
-from bunraku.motion.analysis import DUCK_SHARE, headings
+from bunraku.motion.analysis import DUCK_SHARE, headings, lean
 from bunraku.motion.analysis_contacts import Flags, floor_height, runs, sole_points
 from bunraku.motion.body import leg_length
 from bunraku.motion.clip import Clip, local, world
@@ -35,9 +35,10 @@ def leg_of(clip: Clip) -> float:
 def with_legs(clip: Clip, ankles: Array, feet: Array) -> Clip:
     """The clip with its ankles at ``ankles`` (F, 2, 3; m) and its feet turned as ``feet`` (F, 2, 4; world).
 
-    What is out of reach is reached for as far as the leg goes; knees keep their side.
+    Where a leg is too short, the hips come down for it, smoothly; knees keep their side.
     """
     skeleton = clip.skeleton
+    clip = replace(clip, roots=clip.roots - _lowering(clip, ankles)[:, None] * rot.UP)
     rotations = np.array(clip.rotations)
     places, turns = (np.array(part) for part in world(skeleton, clip.roots, rotations))
     rest = skeleton.rest_positions
@@ -51,6 +52,30 @@ def with_legs(clip: Clip, ankles: Array, feet: Array) -> Clip:
                 upper, lower, MOST_REACH * (upper + lower),
             )  # fmt: skip
     return replace(clip, rotations=rotations)
+
+
+def _lowering(clip: Clip, ankles: Array) -> Array:
+    """(F,) m: how far the hips have to come down for both ankles to be in reach, smoothed."""
+    skeleton = clip.skeleton
+    places = clip.world[0]
+    rest = skeleton.rest_positions
+    down = np.zeros(len(clip))
+    for side, name in enumerate(("left", "right")):
+        hip, knee, foot = (skeleton.role(name + part) for part in ("UpperLeg", "LowerLeg", "Foot"))
+        length = float(np.linalg.norm(rest[knee] - rest[hip]) + np.linalg.norm(rest[foot] - rest[knee]))
+        # As far as the clip's own leg is stretched is far enough.
+        own = np.linalg.norm(places[:, foot] - places[:, hip], axis=1)
+        reach = np.maximum(MOST_REACH * length, np.minimum(own, length))
+        off = places[:, hip] - ankles[:, side]
+        flat = np.linalg.norm(off[:, [0, 2]], axis=1)
+        high = np.sqrt(np.maximum(reach**2 - flat**2, 0.0))
+        down = np.maximum(down, off[:, 1] - high)
+    if not np.any(down > 0.0):
+        return down
+    half = max(1, round(0.05 * clip.fps))
+    padded = np.pad(down, 2 * half, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1).max(axis=-1)
+    return np.asarray(np.convolve(windows, np.full(2 * half + 1, 1.0 / (2 * half + 1)), "valid"), dtype=np.float64)
 
 
 def feet_of(clip: Clip) -> tuple[Array, Array]:
@@ -75,32 +100,43 @@ def levelled(clip: Clip, flags: Flags) -> Clip:
 
 
 def leaned(clip: Clip, tilt: float, bend: float) -> Clip:
-    """Leaning by ``tilt`` (rad to the left) and ``bend`` (rad forward) more, shared evenly by the back's joints.
+    """Leaning on average by ``tilt`` (rad to the left) and ``bend`` (rad forward) more, from hips to neck.
 
-    The pelvis takes a quarter; the head follows a third and looks ahead; the feet stay.
+    The pelvis takes a quarter, the back's joints share the rest evenly; the head follows a third and looks ahead;
+    the feet stay.
     """
-    skeleton = clip.skeleton
     ankles, feet = feet_of(clip)
+    asked = np.array([tilt, bend])
+    before = np.array([float(np.mean(part)) for part in lean(clip)])
+    turn = asked
+    leaning = _bent(clip, turn)
+    for _ in range(2):  # the line from hips to neck leans less than the chest does
+        got = np.array([float(np.mean(part)) for part in lean(leaning)]) - before
+        turn = turn + (asked - got)
+        leaning = _bent(clip, turn)
+    return with_legs(leaning, ankles, feet)
+
+
+def _bent(clip: Clip, turn: Array) -> Clip:
+    """Pelvis, back, neck and head turned by their shares of ``turn`` (2: tilt, bend; rad) about the body's axes."""
+    skeleton = clip.skeleton
     turns = np.array(clip.world[1])
     heading = rot.yaw(headings(clip))
-    whole = rot.exp(np.array([bend, 0.0, -tilt]))
     back = [skeleton.roles[r] for r in _BACK if r in skeleton.roles]
     shares = {skeleton.role("hips"): 0.25}
     shares |= {joint: 0.25 + 0.75 * (k + 1) / len(back) for k, joint in enumerate(back)}
-    if "head" in skeleton.roles:
-        shares[skeleton.role("head")] = HEAD_SHARE
     if "neck" in skeleton.roles:
         shares[skeleton.role("neck")] = 0.5 * (1.0 + HEAD_SHARE)
+    if "head" in skeleton.roles:
+        shares[skeleton.role("head")] = HEAD_SHARE
+    vector = np.array([turn[1], 0.0, -turn[0]])
     share = np.zeros(len(skeleton))
     for joint in range(len(skeleton)):
         parent = int(skeleton.parents[joint])
         share[joint] = shares.get(joint, share[parent] if parent >= 0 else 0.25)
-    vector = rot.log(whole)
-    for joint in range(len(skeleton)):
-        turn = rot.mul(rot.mul(heading, rot.exp(vector * share[joint])), rot.inverse(heading))
-        turns[:, joint] = rot.mul(turn, turns[:, joint])
-    leaning = replace(clip, rotations=local(skeleton, turns))
-    return with_legs(leaning, ankles, feet)
+        own = rot.mul(rot.mul(heading, rot.exp(vector * share[joint])), rot.inverse(heading))
+        turns[:, joint] = rot.mul(own, turns[:, joint])
+    return replace(clip, rotations=local(skeleton, turns))
 
 
 def calmed(clip: Clip, share: float) -> Clip:

@@ -59,6 +59,8 @@ class PlanLimits:
 
 
 LIMITS = PlanLimits()
+MADE = 0.3
+"""How much worse a mirrored piece is than a captured one (standard deviations of what it adds to a module)."""
 COUNTS = {"locomotion": 16, "step_left": 10, "step_right": 10, "jump_forward": 6, "jump_back": 4, "jump_left": 6,
           "jump_right": 6, "jump_up": 3, "turn_left": 4, "turn_right": 4}  # fmt: skip
 """Examples that a module should have: table 2 of the paper, and some more."""
@@ -369,7 +371,7 @@ def spread(found: Sequence[Found], count: int, scale: Array, first: int | None =
     if not found:
         return []
     values = np.stack([f.values for f in found]) / scale
-    quality = np.array([f.quality for f in found])
+    quality = np.array([f.quality + (MADE if f.piece.made else 0.0) for f in found])
     taken = [
         int(np.argmin(np.linalg.norm(values - np.median(values, axis=0), axis=1) + quality))
         if first is None
@@ -392,10 +394,7 @@ def _locomotion(walks: list[Found], notes: list[str]) -> list[Piece]:
     base = min(
         straight or walks, key=lambda w: abs(w.values[0] - 1.2) + 4.0 * w.quality + (0.3 if w.piece.made else 0.0)
     )
-    ordered = [base, *[w for w in walks if w is not base]]
-    captured = [w for w in ordered if not w.piece.made] or ordered
-    first = captured.index(base) if base in captured else 0
-    taken = spread(captured, COUNTS["locomotion"], scale, first)
+    taken = spread(walks, COUNTS["locomotion"], scale, walks.index(base))
     pieces = [w.piece for w in taken]
     values = np.stack([w.values for w in taken])
     # A turn to one side without its like on the other is mirrored.
@@ -537,7 +536,8 @@ def _turning(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
 def _canonical(walks: list[Found], found: dict[str, list[Found]]) -> list[Piece]:
     """One straight example of each way of going and jumping."""
     out = []
-    straight = [w for w in walks if abs(w.values[1]) < LIMITS.straight and not w.piece.made]
+    straight = [replace(w, quality=w.quality + (MADE if w.piece.made else 0.0)) for w in walks]
+    straight = [w for w in straight if abs(w.values[1]) < LIMITS.straight]
 
     def take(name: str, f: Found | None, march: float = 0.0) -> None:
         if f is not None:
