@@ -97,6 +97,16 @@ class DragPlane:
         self.axis = nearest_axis(frame, forward(scene.camera))
         self.origin = frame.to_local(point)
         self.last = self.origin
+        self.shift = np.zeros(3)
+        """From where the ray meets the plane to the dragged point, after the view was moved under the finger."""
+
+    def view_moved(self, scene: Scene, frame: HeadingFrame, origin: Array, direction: Array) -> None:
+        """Another finger moved the camera: the point stays, on the plane that the new view chooses."""
+        self.axis = nearest_axis(frame, forward(scene.camera))
+        self.origin, self.shift = self.last, np.zeros(3)
+        point = self.last
+        self.shift = point - self.crossing(frame, origin, direction)
+        self.last = point
 
     def crossing(self, frame: HeadingFrame, origin: Array, direction: Array) -> Array:
         """Where a touch ray meets the plane, in the heading frame (3).
@@ -113,7 +123,7 @@ class DragPlane:
         t = on_plane(o, d, self.origin, normal)
         if t is None:
             return self.last
-        point = o + t * d
+        point = o + t * d + self.shift
         middle = np.array([0.0, 1.0, 0.0])
         away = float(np.linalg.norm(point - middle))
         if away > self.rules.far:

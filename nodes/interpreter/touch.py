@@ -8,7 +8,7 @@ from bunraku.msgs import Touch
 from bunraku.nodes.interpreter import overlay
 from bunraku.nodes.interpreter.contacts import Change, ContactTable, Key
 from bunraku.nodes.interpreter.core import Meaning, Scene
-from bunraku.nodes.interpreter.drag import Carrier
+from bunraku.nodes.interpreter.drag import Carrier, HeadingFrame
 from bunraku.nodes.interpreter.grabs import Grab, PelvisGrab, PointGrab, Ray, TurnGrab, line_angle
 from bunraku.nodes.interpreter.picking import Hit, PartTable, pick
 from bunraku.nodes.interpreter.rules import RULES, TouchRules
@@ -48,6 +48,7 @@ class TouchCore:
         self.table: PartTable | None = None
         self.skeleton: object = None
         self.last = 0.0
+        self.view_moved = False
 
     @property
     def busy(self) -> bool:
@@ -80,6 +81,8 @@ class TouchCore:
         else:
             feet = ("left_foot" in held, "right_foot" in held)
             frame = self.carrier.frame(scene, feet, dt)
+            if self.view_moved:
+                self._hold_still(scene, frame)
             for key, one in self.fingers.items():
                 grab = one.grab
                 if grab is None:
@@ -98,6 +101,7 @@ class TouchCore:
                     if isinstance(grab, PointGrab):
                         point = frame.to_world(grab.plane.last)
                         meaning.overlay.append(overlay.plane(point, grab.plane.normal(frame)))
+        self.view_moved = False
         for one in self.fingers.values():
             one.trail.add(scene.now, one.x, one.y)
             label = one.grab.part.name if one.grab else ""
@@ -202,6 +206,13 @@ class TouchCore:
         local = grab.plane.crossing(frame, ray.origin, ray.direction)
         grab.grab_again(scene, frame, frame.to_world(local))
 
+    def _hold_still(self, scene: Scene, frame: HeadingFrame) -> None:
+        """Fingers moved the camera: what the other fingers hold stays where it is, not where they now point."""
+        scene.camera = self.viewer.camera()
+        for one in self.fingers.values():
+            if one.grab is not None:
+                one.grab.plane.view_moved(scene, frame, *touch_ray(scene.camera, one.x, one.y))
+
     def _pelvis_ray(self, key: Key, scene: Scene) -> Ray:
         one = self.fingers[key]
         grab = one.grab
@@ -235,8 +246,10 @@ class TouchCore:
         if len(every) == 1 and kept:
             one, (x, y) = self.fingers[kept[0]], before[kept[0]]
             self.viewer.swipe(one.x - x, one.y - y)
+            self.view_moved = True
         elif len(kept) >= 2:
             a, b = kept[0], kept[1]
             old = line_angle(*before[a], *before[b], aspect)[1]
             new = line_angle(self.fingers[a].x, self.fingers[a].y, self.fingers[b].x, self.fingers[b].y, aspect)[1]
             self.viewer.pinch(old, new)
+            self.view_moved = True

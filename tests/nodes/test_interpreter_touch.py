@@ -481,3 +481,22 @@ def test_orthographic_rays_are_understood() -> None:
     origin, direction = ray(camera, 0.25, 0.5)
     assert direction == pytest.approx([0, 0, -1])
     assert origin[0] == pytest.approx(-0.5 * 16 / 9)
+
+
+def test_what_is_held_stays_while_another_finger_turns_the_view() -> None:
+    table = Table()
+    x, y = table.place("left_hand")
+    table.down(1, (x, y))
+    table.drag(1, (x + 0.02, y - 0.05), 1.5)
+    before = np.array(table.target.left_hand)
+    table.down(2, (0.1, 0.3))
+    table.drag(2, (0.45, 0.3), 0.8)
+    assert np.array(table.target.left_hand) == pytest.approx(before, abs=1e-3)
+    table.up(2)
+    assert np.array(table.target.left_hand) == pytest.approx(before, abs=1e-3)
+    # From the side now: the same finger moves it to front and back.
+    hx, hy = table.fingers[1]
+    table.drag(1, (hx + 0.04, hy), 1.0)
+    moved = np.array(table.target.left_hand) - before
+    assert abs(moved[2]) > 0.05
+    assert abs(moved[0]) < 1e-3
