@@ -36,12 +36,11 @@ class Renderer(Node):
     shown: Window | None = None
     film: Film | None = None
     worker: Worker | None = None
-    frames: int = 0
+    _engine: Engine | None = None
 
     def setup(self) -> None:
         """Open the window, or the thread that films without one."""
         shots = self._shots()
-        self._engine: Engine | None = None
         self._told = (0, 0)
         for name in self.figures:
             if name:

@@ -123,7 +123,7 @@ def strip(
     off = np.array([-way[2], 0.0, way[0]])
     middle = middle + off * float(np.median(points @ off)) + np.array([0.0, 0.5 * tall, 0.0])
     aspect, yfov = width / height, 0.30
-    distance = max(reach / aspect, tall) / (2.0 * np.tan(yfov / 2.0)) + 0.4
+    distance = 1.04 * max(reach / aspect, tall) / (2.0 * np.tan(yfov / 2.0)) + 0.9
     toward = off * np.cos(azimuth) + way * np.sin(azimuth) + np.array([0.0, 0.10, 0.0])
     camera = look_at(middle + toward / np.linalg.norm(toward) * distance, middle, yfov=yfov, aspect=aspect)
     view = View(camera, figures, (), (float(middle[0]), float(middle[2])))

@@ -16,7 +16,8 @@ from bunraku.nodes.renderer.video import VideoError
 from bunraku.nodes.renderer.view import Engine
 
 LATE = SECOND // 2
-"""ns that the film may lag behind the clock; later, pictures are repeated until it has caught up."""
+"""ns that the film may lag behind the clock. For each of them more, one frame fewer is drawn of those that are
+written: the film keeps its length, and the lag settles where the machine keeps up."""
 
 
 @dataclass
@@ -83,6 +84,11 @@ class Worker:
     # On the thread
 
     def _run(self) -> None:
+        try:
+            if self._films:
+                self._opened()  # ready before the first picture is due
+        except Exception as error:
+            self._fail(error)
         while True:
             item = self._queue.get()
             try:
@@ -117,13 +123,14 @@ class Worker:
         if isinstance(item, int):
             if self._ended:
                 return
-            late = self._ticked - item > LATE
             film = self._current(item)
             if film is not None:
                 due = film.due(item)
-                film.advance(item, draw=not late)
+                stride = min(1 + (self._ticked - item) // LATE, self._shots.fps)
+                draw = film.frames % stride == 0 or due > stride
+                film.advance(item, draw=draw)
                 self.frames += due
-                self.repeated += due if late else 0
+                self.repeated += 0 if draw else due
         elif isinstance(item, Shots):
             self._end()
             self._shots, self._ended = item, False
@@ -137,7 +144,7 @@ class Worker:
 
     def _current(self, now: int) -> Film | None:
         """The film, begun as soon as there is a figure to be seen."""
-        if self._film is None and (self._shots.output or self._shots.sheet or self._shots.picture):
+        if self._film is None and self._films:
             film = Film(self._shots, self._opened())
             self._film = film
             for topic, (_, message) in self._heard.items():
@@ -145,6 +152,10 @@ class Worker:
         if self._film is not None and self._film.start is None and self._film.scene.ready:
             self._film.start = now
         return self._film
+
+    @property
+    def _films(self) -> bool:
+        return bool(self._shots.output or self._shots.sheet or self._shots.picture)
 
     def _opened(self) -> Engine:
         if self._engine is None:

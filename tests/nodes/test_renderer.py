@@ -485,3 +485,20 @@ def test_an_output_that_cannot_be_written_ends_the_node_with_one_line(tmp_path):
     lines = [log.text for log in stage.received("log/renderer") if log.level == "error"]
     assert len(lines) == 1
     assert "/proc/nowhere/film.mp4" in lines[0]
+
+
+def test_a_size_that_cannot_be_is_refused_and_the_node_still_ends(tmp_path):
+    stage = MemoryStage()
+    node = Renderer(stage, params={"size": "12", "window": "off"})
+    with pytest.raises(ValueError, match="1280x720"):
+        node.start()
+    node.finish()
+
+
+def test_a_window_that_must_be_and_cannot_ends_the_node(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    stage = MemoryStage()
+    node = Renderer(stage, params={"window": "on"})
+    with pytest.raises(ValueError, match="display"):
+        node.start()
+    node.finish()
