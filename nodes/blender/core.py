@@ -41,6 +41,8 @@ ASIDE = 0.87
 """rad: a standing figure turns toward a path that begins farther off its heading than this."""
 JOIN = 0.6
 """m: a new path that begins within this of the old one's end is walked after it, else instead of it."""
+DRIVEN = -1
+"""Instead of a command's id: the figure is driven."""
 PRINTS = 10
 """Footprints drawn."""
 PATH_COLOR = (0.95, 0.65, 0.10, 0.9)
@@ -106,6 +108,37 @@ class BlenderCore:
         self.done.clear()
         self.prints.clear()
         self.current, self.walk = None, None
+
+    def drive(self, speed: float, turn: float, tilt: float, bend: float, duck: float) -> None:
+        """Go by speed (m/s) and turn rate (rad/s) instead of by commands, or stand in a posture; to be repeated.
+
+        While it drives, commands wait; a speed and turn of 0 give way to them.
+        """
+        player = self.player
+        if speed < 0.05:
+            if self.walk is not None and self.walk.id == DRIVEN and not player.ending:
+                player.stop()
+            elif player.free and (tilt or bend or duck):
+                player.stand(tilt, bend, duck)
+            return
+        if not (self.walk is None and player.free) and not (self.walk is not None and self.walk.id == DRIVEN):
+            return
+        here, s = player.place, player.s if self.walk is not None else 0.0
+        # The arc goes back a little too, so that its tangent is smooth where the figure is.
+        way = np.arange(-20, round((2.0 + 0.7 * speed * speed) / 0.04)) * 0.04
+        bend_of_path = turn / max(speed, 0.3)
+        if abs(bend_of_path) < 1e-6:
+            left, ahead = np.zeros_like(way), way
+        else:
+            left = (1.0 - np.cos(bend_of_path * way)) / bend_of_path
+            ahead = np.sin(bend_of_path * way) / bend_of_path
+        c, sine = cos(here.heading), sin(here.heading)
+        points = np.stack([here.x + left * c + ahead * sine, here.z - left * sine + ahead * c], -1)
+        s += float(way[0])
+        count = len(points)
+        path = path_of(points, s, np.full(count, speed), np.tile([tilt, bend, duck], (count, 1)), here.heading)
+        self.walk = _Walk(DRIVEN, "", path.end, None)
+        player.follow(path, complete=False)
 
     # Hearing
 
@@ -243,7 +276,8 @@ class BlenderCore:
             if self.player.path is not None:
                 return  # waits for its path to grow
             self.walk, self.current = None, None
-            self._finish(walk.id)
+            if walk.id != DRIVEN:
+                self._finish(walk.id)
             if walk.heading is not None and abs(wrapped(walk.heading - self.player.place.heading)) > FACED:
                 self.waiting.insert(0, Turn(id=walk.id, heading=walk.heading))
         self.player.engage(None)

@@ -15,6 +15,8 @@ from bunraku.msgs import Command, Contacts, Motion, Overlay, Pose, SkeletonMessa
 from bunraku.nodes.blender.core import BlenderCore
 from bunraku.runtime.node import Node, Publisher, param, request, subscribe, timer
 
+DRIVE_EVERY = 100_000_000
+"""ns between two looks at the drive parameters."""
 OVERLAY_EVERY = 66_000_000
 """ns between two overlays."""
 
@@ -66,6 +68,11 @@ class Blender(Node):
     transition_half_life: float = param(PACE.switch, low=0.01, high=1.0, doc="s, of a transition")
     posture_half_life: float = param(PACE.posture, low=0.01, high=2.0, doc="s in which postures follow")
     foot_lock: bool = param(True, doc="hold planted feet by inverse kinematics")
+    drive_speed: float = param(0.0, low=0.0, high=8.0, doc="m/s: walk by speed and turn instead of by commands")
+    drive_turn: float = param(0.0, low=-3.0, high=3.0, doc="rad/s to the left, while drive_speed is not 0")
+    drive_tilt: float = param(0.0, low=-1.0, high=1.0, doc="rad to the left, standing or driven")
+    drive_bend: float = param(0.0, low=-1.0, high=1.6, doc="rad forward, standing or driven")
+    drive_duck: float = param(0.0, low=0.0, high=1.0, doc="0..1, standing or driven")
     show_overlay: bool = param(True, doc="say path and footprints for the picture")
 
     def setup(self) -> None:
@@ -78,6 +85,7 @@ class Blender(Node):
         self.placed = False
         self.before = self.now
         self.drawn_at = 0
+        self.driven_at = 0
         if self.skeleton:
             self.skeleton_topic.publish(to_message(self.core.skeleton, self.figure))
 
@@ -124,6 +132,9 @@ class Blender(Node):
         self.before = self.now
         if dt <= 0.0:
             return
+        if self.now - self.driven_at >= DRIVE_EVERY:
+            self.driven_at = self.now
+            self.core.drive(self.drive_speed, self.drive_turn, self.drive_tilt, self.drive_bend, self.drive_duck)
         self.core.update(dt)
         player = self.core.player
         self.placed = True

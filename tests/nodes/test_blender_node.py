@@ -297,6 +297,22 @@ def test_the_same_commands_give_the_same_motion_to_the_bit():
     assert play() == play()
 
 
+def test_it_can_be_driven_by_speed_and_turn():
+    stage, node = _stage(drive_speed=1.2, drive_turn=0.6)
+    stage.advance(6.0)
+    motions = stage.received("motion")[180:]
+    speed = _steps(motions).mean() * 60.0
+    assert speed == pytest.approx(1.2, abs=0.08)
+    turned = np.unwrap([_heading(m) for m in motions])
+    assert (turned[-1] - turned[0]) / (len(motions) - 1) * 60.0 == pytest.approx(0.6, abs=0.06)
+    assert _steps(motions).max() < 0.04
+    stage.publish("command", Jump(id=1, height=0.3))
+    node.set_param("drive_speed", 0.0)
+    stage.advance(6.0)
+    assert node.core.done == [1]
+    assert node.core.player.free
+
+
 def test_it_walks_over_uneven_ground(tmp_path):
     x = np.linspace(-3, 3, 61)
     heights = 0.06 * np.sin(2.0 * x)[None, :] + 0.10 * np.sin(1.3 * np.linspace(-1, 7, 81))[:, None]
