@@ -41,9 +41,12 @@ class Film:
     Args:
         engine: draws the pictures; the film does not close it.
         progress: told the number of frames after each.
+        shown: whether ``pixels`` is looked at between frames; else only what goes into a file is drawn.
     """
 
-    def __init__(self, shots: Shots, engine: Engine, progress: Callable[[int], object] | None = None) -> None:
+    def __init__(
+        self, shots: Shots, engine: Engine, progress: Callable[[int], object] | None = None, shown: bool = False
+    ) -> None:
         self.shots, self.engine = shots, engine
         self.scene = Scene(shots.figures)
         self.start: int | None = None
@@ -52,6 +55,7 @@ class Film:
         self.pixels: Pixels | None = None
         """The newest frame, (height, width, 4)."""
         self._progress = progress
+        self._shown = shown
         self._video = Video(shots.output, shots.width, shots.height, shots.fps) if shots.output else None
         self._sheet = Sheet() if shots.sheet else None
         self._changed = True
@@ -83,27 +87,33 @@ class Film:
         """Write the next frame."""
         if self.start is None:
             return
-        now = self.start + self.frames * SECOND // self.shots.fps
-        moving = self.scene.camera is None  # the own camera may still be on its way
-        fresh = self.pixels is None or (draw and (self._changed or moving))
-        if fresh:
-            view = self.scene.view(now)
-            self.pixels = paint(self.engine, view, self.shots.width, self.shots.height, self.shots.overlays)
-            self._changed = False
-            self.drawn += 1
+        kept = self._sheet is not None and self._sheet.wants
+        fresh = False
+        if self._video is not None or kept or self._shown:
+            moving = self.scene.camera is None  # the own camera may still be on its way
+            fresh = self.pixels is None or (draw and (self._changed or moving))
+            if fresh:
+                self._draw()
         if self._video is not None and self.pixels is not None:
             if fresh:
                 self._video.write(self.pixels)
             else:
                 self._video.repeat()
-        if self._sheet is not None and self.pixels is not None:
-            if self._sheet.wants:
+        if self._sheet is not None:
+            if kept and self.pixels is not None:
                 self._sheet.add(self.frames / self.shots.fps, self.pixels)
             else:
                 self._sheet.skip()
         self.frames += 1
         if self._progress is not None:
             self._progress(self.frames)
+
+    def _draw(self) -> None:
+        now = (self.start or 0) + self.frames * SECOND // self.shots.fps
+        view = self.scene.view(now)
+        self.pixels = paint(self.engine, view, self.shots.width, self.shots.height, self.shots.overlays)
+        self._changed = False
+        self.drawn += 1
 
     def close(self, now: int | None = None) -> list[Path]:
         """Write the frames due until ``now`` (ns), finish all files, and say which there are."""
@@ -119,6 +129,8 @@ class Film:
             self._video = None
         if self._sheet is not None and self._sheet.save(self.shots.sheet):
             written.append(Path(self.shots.sheet))
+        if self.shots.picture and self.start is not None and (self._changed or self.pixels is None):
+            self._draw()
         if self.shots.picture and self.pixels is not None:
             save_picture(self.pixels, self.shots.picture)
             written.append(Path(self.shots.picture))

@@ -72,7 +72,7 @@ class Renderer(Node):
                 from bunraku.nodes.renderer.glengine import GLEngine
 
                 self._engine = GLEngine(self.samples, windowed=True)
-            self.film = Film(shots, self._engine)
+            self.film = Film(shots, self._engine, shown=True)
         except RuntimeError as error:
             self.shown.close()
             self.shown = None
@@ -120,7 +120,7 @@ class Renderer(Node):
         elif self.film is not None and self._engine is not None:
             heard = self.film.scene
             self.film.close(self.now)
-            self.film = Film(shots, self._engine)
+            self.film = Film(shots, self._engine, shown=True)
             self.film.scene = heard
 
     # What is heard

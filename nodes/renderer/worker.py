@@ -130,7 +130,7 @@ class Worker:
                 draw = film.frames % stride == 0 or due > stride
                 film.advance(item, draw=draw)
                 self.frames += due
-                self.repeated += 0 if draw else due
+                self.repeated += due if self._shots.output and not draw else 0
         elif isinstance(item, Shots):
             self._end()
             self._shots, self._ended = item, False

@@ -7,6 +7,7 @@ import time
 import av
 import numpy as np
 import pytest
+from PIL import Image
 
 from bunraku.figure.camera import look_at
 from bunraku.figure.default import default_figure
@@ -125,6 +126,16 @@ def test_nothing_heard_writes_nothing(tmp_path):
 def test_a_single_pose_is_a_film_of_one_frame(tmp_path):
     film_of(tmp_path, recording(1 / 60))
     assert len(frames(tmp_path / "film.mp4")) == 1
+
+
+def test_only_what_goes_into_a_file_is_drawn(tmp_path):
+    film = film_of(tmp_path, recording(4.0, speed=0.2), output="", picture=tmp_path / "last.png")
+    assert film.frames > 100
+    assert film.drawn == 1
+    last = np.asarray(Image.open(tmp_path / "last.png"))
+    assert abs(last.mean() - (100 + 100 * 0.2 * (4.0 - 1 / 60))) < 2
+    film = film_of(tmp_path, recording(8.0, speed=0.1), output="", sheet=tmp_path / "sheet.png")
+    assert film.drawn < 0.8 * film.frames
 
 
 def test_overlays_and_figures_are_on_the_film(tmp_path):
