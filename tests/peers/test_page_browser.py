@@ -93,15 +93,15 @@ class Hall:
             [sys.executable, "-m", "bunraku.cli", "launch", str(file)], env=environment, stdout=self.log,
             stderr=subprocess.STDOUT, cwd=folder, start_new_session=True,
         )  # fmt: skip
-        self.until(self.listening, 120.0)
+        try:
+            self.until(lambda: "nodes up" in self.said(), 200.0)  # kernels may be compiled first
+        except AssertionError:
+            self.close()
+            raise
 
     @property
     def link(self) -> str:
         return f"http://127.0.0.1:{self.port}/"
-
-    def listening(self) -> bool:
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", self.port)) == 0
 
     def until(self, condition: Callable[[], bool], seconds: float = 30.0) -> None:
         end = time.monotonic() + seconds
@@ -153,7 +153,7 @@ class Person:
         return self.page.evaluate(expression, value) if value is not None else self.page.evaluate(expression)
 
     def until(self, condition: str, seconds: float = 30.0) -> None:
-        """Wait for something on the page (its policy forbids the waiting that the browser's driver would do there)."""
+        """Wait for something on the page (its policy forbids the waiting that the driver would do there)."""
         end = time.monotonic() + seconds
         while not self.ask(f"!!(window.bunraku && ({condition}))"):
             assert time.monotonic() < end, f"{condition} did not come; {self.faults}; {self.hall.said()}"
@@ -522,6 +522,19 @@ def test_everything_is_within_reach(browser: Any, hall: Hall, scheme: str, width
         person.close()
 
 
+def test_the_picture_is_fitted_to_the_screen(person: Person, hall: Hall) -> None:
+    page = person.page
+    page.get_by_role("button", name="Settings").click()
+    page.get_by_role("button", name="Fit this screen").click()
+    canvas = person.ask("[bunraku.stage.canvas.clientWidth, bunraku.stage.canvas.clientHeight]")
+    person.until(f"Math.abs(bunraku.stage.camera.aspect - {canvas[0]} / {canvas[1]}) < 0.01")
+    picture = person.ask("bunraku.stage.picture()")
+    assert picture["width"] == pytest.approx(canvas[0], abs=3)
+    assert picture["height"] == pytest.approx(canvas[1], abs=3)
+    ask(hall.folder, "interpreter", "param.set", name="aspect", value=16 / 9)
+    person.until("Math.abs(bunraku.stage.camera.aspect - 16 / 9) < 0.01")
+
+
 def test_the_page_is_driven_by_keyboard(person: Person) -> None:
     page = person.page
     page.locator("input[value=touch]").focus()
@@ -539,8 +552,10 @@ def test_the_page_is_driven_by_keyboard(person: Person) -> None:
     page.keyboard.up("2")
     person.until("bunraku.hands.hands.right.bend[1] === 0")
     unnamed = person.ask(
-        """() => [...document.querySelectorAll('button, select, input')].filter(one => !(one.ariaLabel
-          || one.textContent.trim() || (one.labels && [...one.labels].some(l => l.textContent.trim())))).map(one => one.outerHTML)"""
+        """() => [...document.querySelectorAll('button, select, input')].filter(one => {
+          const labels = [...one.labels ?? []].some(label => label.textContent.trim());
+          return !(one.ariaLabel || one.textContent.trim() || labels);
+        }).map(one => one.outerHTML)"""
     )
     assert unnamed == []
     page.locator("label", has_text="Touch").first.click()

@@ -15,9 +15,9 @@ const HELP = {
   "Hands": "Sliders and keys 1 to 5 (right) and 6 to 0 (left) bend fingers, with Shift they stretch. Drag on the stage moves the right hand, the wheel moves it to and fro. Choose an action in the plane, double click performs it.",
 };
 const HINTS = {
-  touch: "Drag the figure. Shift leaves a finger down, the wheel presses harder.",
-  pen: "Draw a path on the ground. The wheel sets pressure; Shift or Alt and wheel tilt the pen.",
-  hands: "Drag moves the right hand. Double click in the plane performs.",
+  touch: {fine: "Drag the figure. Shift leaves a finger down, the wheel presses harder.", coarse: "Drag the figure with one or more fingers."},
+  pen: {fine: "Draw a path on the ground. The wheel sets pressure; Shift or Alt and wheel tilt the pen.", coarse: "Draw a path on the ground. Tilt leans, pressure ducks."},
+  hands: {fine: "Drag moves the right hand. Double click in the plane performs.", coarse: "Sliders bend the fingers. Two taps in the plane perform."},
 };
 
 /** Ways of playing. @returns {{way(): string, choose(way: string): void}} @param {(way: string) => void} changed */
@@ -25,7 +25,8 @@ export function ways(changed) {
   const box = byId("ways", HTMLFieldSetElement), hint = byId("hint", HTMLElement);
   const choose = (/** @type {string} */ way) => {
     document.body.dataset.way = way;
-    hint.textContent = HINTS[/** @type {keyof typeof HINTS} */ (way)] ?? "";
+    const kind = matchMedia("(pointer: coarse)").matches ? "coarse" : "fine";
+    hint.textContent = HINTS[/** @type {keyof typeof HINTS} */ (way)]?.[kind] ?? "";
     hint.classList.remove("away");
     for (const one of box.querySelectorAll("input")) one.checked = one.value === way;
     sessionStorage.setItem("bunraku.way", way);
@@ -181,8 +182,9 @@ export function theme(apply) {
 /**
  * The settings' drawer.
  * @param {Connection} connection @param {import("./calibrate.js").Calibration} calibration
+ * @param {() => number} shape width by height of the stage on this page
  */
-export function drawer(connection, calibration) {
+export function drawer(connection, calibration, shape) {
   const box = byId("drawer", HTMLElement), button = byId("settings", HTMLButtonElement);
   /** @param {boolean} open */
   const set = (open) => {
@@ -203,6 +205,13 @@ export function drawer(connection, calibration) {
   byId("fullscreen", HTMLButtonElement).onclick = () => attempt(async () => {
     if (document.fullscreenElement) await document.exitFullscreen();
     else await document.documentElement.requestFullscreen();
+  });
+  byId("fit", HTMLButtonElement).onclick = () => attempt(async () => {
+    const value = Math.round(1000 * shape()) / 1000;
+    const {nodes} = await connection.call("nodes");
+    const owners = nodes.filter((/** @type {any} */ one) => one.params.aspect?.settable);
+    if (!owners.length) throw new Error("No node of this stage has a picture of another shape.");
+    for (const {node} of owners) await connection.call("param", {node, name: "aspect", value});
   });
   const width = byId("cardwidth", HTMLInputElement), card = byId("card", HTMLElement);
   const text = byId("cardtext", HTMLOutputElement);

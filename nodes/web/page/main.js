@@ -55,7 +55,7 @@ function begin() {
     },
   });
   const timeline = takes(connection, () => here.figure);
-  const settings = drawer(connection, calibration);
+  const settings = drawer(connection, calibration, () => canvas.clientWidth / canvas.clientHeight);
 
   // -- who this page is -------------------------------------------------------------------------------------------
   const figureList = byId("figure", HTMLSelectElement), roleList = byId("role", HTMLSelectElement);
