@@ -50,7 +50,11 @@ class GLEngine:
 
     Args:
         samples: 4 for smooth edges, 0 for speed.
-        platform: the context to draw in; None makes one. Raises `NoOpenGL` where there is none.
+        windowed: draw in the context that is current, a window's; else in one of its own, without a display.
+        cells: of the shadow's grid, each way.
+
+    Raises:
+        NoOpenGL: there is no context to be had; one line with the remedy.
     """
 
     name = "gl"
