@@ -11,7 +11,9 @@ from typing import Any
 from bunraku.cli import USAGE, Problem
 from bunraku.cli.output import add_json, print_json, table
 
-FORMATS = (".bvh", ".json")
+FORMATS = (".bvh", ".glb", ".json")
+FPS = 60.0
+"""Of the single frame that a rest file holds."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -75,11 +77,17 @@ def _write(path: Path) -> int:
         path.write_text(json.dumps(described(), indent=1) + "\n")
     else:
         from bunraku.figure.default import default_figure
-        from bunraku.motion.bvh import write_bvh
-        from bunraku.motion.clip import Clip
 
         figure = default_figure()
         root, rotations = figure.rest_pose()
-        write_bvh(Clip("rest", figure, 60.0, root[None], rotations[None]), path)
+        if path.suffix == ".glb":
+            from bunraku.nodes.renderer.glb import save_glb
+
+            save_glb(path, figure, root[None], rotations[None], FPS)
+        else:
+            from bunraku.motion.bvh import write_bvh
+            from bunraku.motion.clip import Clip
+
+            write_bvh(Clip("rest", figure, FPS, root[None], rotations[None]), path)
     print(path)
     return 0

@@ -56,6 +56,8 @@ def run(args: argparse.Namespace) -> int:
             {"argument": one.name, "type": one.describe(), "default": "" if one.required else one.default}
             for one in file.arguments.values()
         ]
+        if not args.json and file.help:
+            print(f"{file.help}\n", flush=True)
         print_rows(rows, ["argument", "type", "default"], args, f"{file.shown} takes no arguments")
         return 0
     if bool(args.replay) != bool(args.replace):

@@ -240,9 +240,14 @@ class LaunchFile:
 
     @property
     def doc(self) -> str:
-        """The first line of the function's docstring, or of the module's."""
+        """The first line of `help`."""
+        return self.help.partition("\n")[0]
+
+    @property
+    def help(self) -> str:
+        """The function's docstring, or the module's."""
         text = inspect.getdoc(self.function) or self.function.__globals__.get("__doc__") or ""
-        return str(text).strip().partition("\n")[0]
+        return str(text).strip()
 
     @classmethod
     def find(cls, name: str, base: Path | None = None) -> "LaunchFile":

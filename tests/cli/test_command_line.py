@@ -143,6 +143,8 @@ def test_figure_as_json_and_as_bvh(tmp_path, capsys):
     assert set(places) == set(figure.names)
     for name, place in zip(figure.names, figure.rest_positions, strict=True):
         assert places[name] == pytest.approx(place, abs=1e-4)
+    assert main(["figure", "-o", str(tmp_path / "rest.glb")]) == 0
+    assert (tmp_path / "rest.glb").read_bytes()[:4] == b"glTF"
     assert main(["figure", "-o", str(tmp_path / "no" / "x.bvh")]) == 2
 
 

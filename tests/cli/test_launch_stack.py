@@ -219,7 +219,9 @@ def test_show_starts_nothing(play, bunraku):
 def test_the_arguments_are_listed(play, bunraku):
     rows = json.loads(bunraku("launch", "play.py", "--args", "--json").stdout)
     assert rows[0] == {"argument": "count", "type": "int", "default": 50}
-    assert "respawn" in bunraku("launch", "play.py", "--args").stdout
+    shown = bunraku("launch", "play.py", "--args").stdout
+    assert shown.startswith("Count.\n")
+    assert "respawn" in shown
 
 
 def test_a_path_too_long_for_a_socket_is_refused(play, monkeypatch, tmp_path, bunraku):

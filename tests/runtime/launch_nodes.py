@@ -45,7 +45,7 @@ class Counter(Node):
         self.count += 1
         self.out.publish(Target(yaw=self.gain * self.count))
         if self.count == 1:
-            self.log.info("first is %g", msg.yaw)
+            self.log.info("first is %g", msg.yaw or 0.0)
 
     def save(self) -> bytes:
         return str(self.count).encode()

@@ -7,6 +7,7 @@ import pytest
 
 from bunraku.runtime import plan
 from bunraku.runtime.launch import LaunchError, NodeSpec, group
+from bunraku.runtime.launch import names as launch_names
 from bunraku.runtime.launch import node as ask
 
 SOURCE, COUNTER, CHOOSER = (f"launch_nodes:{name}" for name in ("Source", "Counter", "Chooser"))
@@ -172,3 +173,22 @@ def test_a_value_survives_the_command_line(value):
 def test_every_node_of_the_table_loads():
     for name in plan.table():
         assert plan.load(name).name == name
+
+
+def test_the_launch_file_in_the_documentation_can_be_launched(tmp_path, monkeypatch):
+    from bunraku.runtime.launch import LaunchFile
+
+    text = (Path(__file__).parents[2] / "docs" / "launch.md").read_text()
+    (tmp_path / "show.py").write_text(text.split("```python\n")[1].split("```")[0])
+    file = LaunchFile.find(str(tmp_path / "show.py"))
+    planned = plan.check(file.specs(file.parse(["record:=x.mcap"])))
+    assert {"alice/controller", "bob/controller", "recorder"} <= {one.spec.path for one in planned}
+
+
+@pytest.mark.parametrize("name", launch_names())
+def test_every_launch_file_passes_its_checks(name):
+    from bunraku.runtime.launch import LaunchFile
+
+    file = LaunchFile.find(name)
+    assert file.doc
+    assert plan.check(file.specs({}))
