@@ -11,7 +11,8 @@
     tilt = [[0.0, 90, 0], [1.0, 60, 180]]    # [s, altitude, azimuth] degrees; or one pair
     hover = 0.15                             # s that the pen hovers before it lands and after it lifts
 
-``size_cm = [25.0, 15.6]`` beside the title tells the tablet's size. The pen runs smoothly through its points, without
+``size_cm = [25.0, 15.6]`` beside the title tells the tablet's size, ``length = 12`` how long (s) the
+performance goes on for the figure's sake. The pen runs smoothly through its points, without
 overshoot. A file may hold a hundred strokes; they must not overlap.
 """
 
@@ -93,11 +94,13 @@ class Performance:
     strokes: tuple[Stroke, ...]
     size_m: tuple[float, float] | None = None
     """Width and height of the tablet; None where nothing says that it is one."""
+    least: float = 0.0
+    """s that it lasts at least: the figure may need longer than the pen."""
 
     @property
     def length(self) -> float:
-        """s until the last stroke is over."""
-        return self.strokes[-1].end
+        """s until it is over."""
+        return max(self.least, self.strokes[-1].end)
 
     def at(self, t: float) -> Moment | None:
         """The pen at ``t`` s; None where it is out of range."""
@@ -131,7 +134,9 @@ def load(path: str | Path) -> Performance:
     for before, after in pairwise(strokes):
         if after.begin < before.end:
             raise PerformanceError(f"{path}: the stroke at {after.start:g} s begins before the one before has ended")
-    return Performance(str(data.get("title", Path(path).stem)), tuple(strokes), size)
+    return Performance(
+        str(data.get("title", Path(path).stem)), tuple(strokes), size, _length(path, data.get("length", 0.0))
+    )
 
 
 def _size(path: str | Path, given: object) -> tuple[float, float] | None:
@@ -142,6 +147,12 @@ def _size(path: str | Path, given: object) -> tuple[float, float] | None:
         if 1.0 <= width <= 500.0 and 1.0 <= height <= 500.0:
             return 0.01 * width, 0.01 * height
     raise PerformanceError(f"{path}: size_cm: write the tablet's width and height, 1 to 500 cm")
+
+
+def _length(path: str | Path, given: object) -> float:
+    if isinstance(given, int | float) and 0.0 <= given <= LONGEST:
+        return float(given)
+    raise PerformanceError(f"{path}: length: write 0 to {LONGEST:g} s")
 
 
 def _stroke(one: dict[str, Any], size: tuple[float, float]) -> Stroke:

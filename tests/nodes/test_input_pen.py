@@ -158,11 +158,16 @@ def test_a_tablets_strokes_are_written_in_centimetres(tmp_path: Path) -> None:
     file.write_text("size_cm = [20, 10]\n[[stroke]]\ncm = [[0.0, 0.0, 0.0], [1.0, 5.0, 2.5]]\n")
     performance = load(file)
     assert performance.size_m == pytest.approx((0.2, 0.1))
+    assert performance.length == pytest.approx(1.1)
     moment = performance.strokes[0].at(1.0)
     assert (moment.x, moment.y) == pytest.approx((0.75, 0.25))
     file.write_text("[[stroke]]\ncm = [[0.0, 0.0, 0.0], [1.0, 5.0, 2.5]]\n")
     assert load(file).size_m == (0.25, 0.15625)
+    file.write_text("length = 5\n[[stroke]]\ncm = [[0.0, 0.0, 0.0], [1.0, 5.0, 2.5]]\n")
+    assert load(file).length == 5.0
+    assert load(file).at(4.0) is None
     for text, words in (
+        ("length = nan\n[[stroke]]\ncm = [[0.0, 0.0, 0.0]]\n", "length: write"),
         ("size_cm = [20]\n[[stroke]]\ncm = [[0.0, 0.0, 0.0]]\n", "width and height"),
         ("[[stroke]]\ncm = [[0.0, 0.0, 9.0]]\n", "beyond the tablet of 25 x 15.625 cm"),
         ("[[stroke]]\ncm = [[0.0, 0.0, 0.0]]\npath = [[0.0, 0.1, 0.1]]\n", "one of path, ground or cm"),
