@@ -171,7 +171,7 @@ def test_a_child_of_a_node_does_not_outlive_it(tmp_path):
     held = tmp_path / "fifo"
     os.mkfifo(held)
     reader = os.open(held, os.O_RDONLY | os.O_NONBLOCK)
-    run(sh("x", f"sleep 1000 > {held} & echo started; exit 0"))
+    run(sh("x", f"exec 3> {held}; sleep 1000 & exit 0"))
     # end of file: nobody holds the write end any more
     assert select.select([reader], [], [], 30.0)[0]
     assert os.read(reader, 1) == b""
