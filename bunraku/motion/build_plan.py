@@ -36,6 +36,7 @@ class PlanLimits:
     loop: tuple[float, float] = (0.6, 2.2)  # s that a loop found by its poses may take
     straight: float = 0.35  # rad/s of turn, below which a walk is straight
     off_course: float = 0.6  # rad between heading and way gone, beyond which it is no walk ahead
+    slowest: float = 0.3  # m/s of a walk
     stand_speed: float = 0.12  # m/s
     stand_seconds: tuple[float, ...] = (4.0, 2.0, 1.0)
     stand_bob: float = 0.04  # m of the hips up and down
@@ -143,6 +144,8 @@ def _candidates(source: Source, notes: list[str]) -> Iterator[tuple[str, Found]]
             if apart > LIMITS.cycle_gap:
                 continue
             if piece.module == "stand":
+                if any(flaw.kind == "sitting" for flaw in flaws(clip, example.contacts)):
+                    continue
                 first, last = (round(t * clip.fps) for t in piece.loop or piece.keys)
                 apart = _unrest(source, first, last) + 0.4 / clip.duration + (0.1 if piece.calm else 0.0)
             yield piece.module, Found(piece, example.values, apart)
@@ -199,7 +202,7 @@ def _ahead(source: Source, first: int, last: int) -> bool:
     facing = np.stack([np.sin(heading[:-1]), np.cos(heading[:-1])], axis=1)
     along = float(np.sum(steps * facing))
     across = float(np.abs(np.sum(steps[:, 0] * facing[:, 1] - steps[:, 1] * facing[:, 0])))
-    return along > 0.1 and np.arctan2(across, along) < LIMITS.off_course
+    return along > LIMITS.slowest * (last - first) / source.clip.fps and np.arctan2(across, along) < LIMITS.off_course
 
 
 def _best_loop(source: Source) -> tuple[int, int] | None:
@@ -406,6 +409,8 @@ def _locomotion(walks: list[Found], notes: list[str]) -> list[Piece]:
                 if like:
                     apart = [float(np.linalg.norm((m.values - other) / scale)) for m in like]
                     twin = like[int(np.argmin(apart))]
+                    if twin.piece in pieces:
+                        continue
                     pieces.append(twin.piece)
                     values = np.vstack([values, twin.values])
     b = base.piece
