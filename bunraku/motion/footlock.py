@@ -91,10 +91,11 @@ def feet_of(skeleton: Skeleton, limits: LockLimits = LIMITS) -> Feet:
 
 def feet_state() -> FeetState:
     """Nothing remembered."""
+    still = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
     return FeetState(
-        np.zeros(2, dtype=np.int64), np.zeros((2, 2)), np.zeros((2, 5)), np.zeros((2, 6)), np.zeros((2, 6)),
-        np.zeros((2, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)), np.tile([0.0, 0, 0, 0, 0, 0, 1.0], (2, 1)), np.tile([0.0, 0, 0, 0, 0, 0, 1.0], (2, 1)),
-        np.zeros(2), np.zeros((2, 2)), np.zeros(2),
+        mode=np.zeros(2, dtype=np.int64), clock=np.zeros((2, 2)), prints=np.zeros((2, 5)), offset=np.zeros((2, 6)),
+        velocity=np.zeros((2, 6)), blended=np.zeros((2, 3)), turned=still[:, 3:].copy(), goal=still.copy(),
+        start=still.copy(), grip=np.zeros(2), ground=np.zeros((2, 2)), drop=np.zeros(2),
     )  # fmt: skip
 
 
@@ -125,6 +126,20 @@ def planted(feet: Feet, side: int, mark: Array, pitch: float, position: Array, t
 
 
 @kernel
+def pivot_shift(feet: Feet, side: int, pitch: float, turn: Array, offset: Array, out: Array) -> None:
+    """How far (3, m) the ankle goes along when a planted foot turns by ``offset[3:6]`` about what it stands on."""
+    q = np.empty(4)
+    a, b = np.empty(3), np.empty(3)
+    a[0], a[1] = 0.0, -feet.soles[side, 0]
+    a[2] = feet.soles[side, 1] if pitch >= 0.0 else feet.soles[side, 2]
+    rotate(turn, a, a)
+    quat_exp(offset[3:6], q)
+    rotate(q, a, b)
+    for k in range(3):
+        out[k] = a[k] - b[k]
+
+
+@kernel
 def wrap(angle: float) -> float:
     return angle - 2.0 * pi * np.floor((angle + pi) / (2.0 * pi))  # type: ignore[no-any-return]
 
@@ -142,7 +157,7 @@ def foot_target(
         position, turn: the blended ankle, raised by the ground's height, and foot.
     """
     limits = feet.limits
-    angles, v, spin, rolling = np.empty(2), np.empty(3), np.empty(3), np.empty(3)
+    angles, v, spin, rolling, shift = np.empty(2), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     q = np.empty(4)
     yaw_pitch(turn, angles)
     mul_inv(turn, state.turned[side], q)
@@ -182,14 +197,16 @@ def foot_target(
             state.mode[side] = SETTLING
             state.clock[side, 0] = 0.0
             state.clock[side, 1] = limits[5] + 0.4 * away
+            pivot_shift(feet, side, angles[1], goal_turn, state.offset[side], shift)
             for k in range(3):
-                state.start[side, k] = goal[k]
+                state.start[side, k] = goal[k] + shift[k]
             for k in range(4):
                 state.start[side, 3 + k] = goal_turn[k]
         elif leave >= 0:
             state.mode[side] = leave
+            pivot_shift(feet, side, angles[1], goal_turn, state.offset[side], shift)
             for k in range(3):
-                state.offset[side, k] += goal[k] - position[k]
+                state.offset[side, k] += goal[k] + shift[k] - position[k]
                 state.velocity[side, k] += (goal[k] - state.goal[side, k]) / max(dt, 1e-9) - v[k]
             mul_inv(goal_turn, state.goal[side, 3:7], q)
             log(q, rolling)
@@ -208,32 +225,37 @@ def foot_target(
             state.mode[side] = FREE
     elif mode == FREE and contact > 0.0:
         # Lock: the print lies under where the foot really is, so that nothing moves along the ground.
-        out, real = np.empty(2), np.empty(4)
+        real, here, sole = np.empty(4), np.empty(3), np.empty(3)
         quat_exp(state.offset[side, 3:6], q)
         mul(q, goal_turn, real)
-        here = np.empty(3)
         for k in range(3):
             here[k] = goal[k] + state.offset[side, k]
-        yaw_pitch(real, angles)
-        roll(feet.soles[side, 0], feet.soles[side, 1], feet.soles[side, 2], angles[1], out)
-        state.prints[side, 3] = angles[0]
-        state.prints[side, 0] = here[0] - out[1] * sin(angles[0])
-        state.prints[side, 1] = state.ground[side, 0]
-        state.prints[side, 2] = here[2] - out[1] * cos(angles[0])
-        state.prints[side, 4] = 0.0
         # The roll goes on as the blended foot's pitch does.
         yaw_pitch(state.turned[side], angles)
-        planted(feet, side, state.prints[side], angles[1], goal, goal_turn)
-        rising = state.velocity[side, 1] + v[1] + goal[1] / max(dt, 1e-9)
+        before = angles[1]
         yaw_pitch(turn, angles)
-        planted(feet, side, state.prints[side], angles[1], goal, goal_turn)
+        pitch = angles[1]
+        pivot = feet.soles[side, 1] if pitch >= 0.0 else feet.soles[side, 2]
+        sole[0], sole[1], sole[2] = 0.0, -feet.soles[side, 0], pivot
+        rotate(real, sole, sole)
+        yaw_pitch(real, angles)
+        state.prints[side, 3] = angles[0]
+        state.prints[side, 0] = here[0] + sole[0] - pivot * sin(angles[0])
+        state.prints[side, 1] = state.ground[side, 0]
+        state.prints[side, 2] = here[2] + sole[2] - pivot * cos(angles[0])
+        state.prints[side, 4] = 0.0
+        planted(feet, side, state.prints[side], before, goal, goal_turn)
+        rising = state.velocity[side, 1] + v[1] + goal[1] / max(dt, 1e-9)
+        planted(feet, side, state.prints[side], pitch, goal, goal_turn)
         rising -= goal[1] / max(dt, 1e-9)
         mul_inv(real, goal_turn, q)
         log(q, state.offset[side, 3:6])
+        pivot_shift(feet, side, pitch, goal_turn, state.offset[side], shift)
         for k in range(3):
-            state.offset[side, k] = here[k] - goal[k]
+            state.offset[side, k] = 0.0
             state.velocity[side, k] = 0.0
             state.velocity[side, 3 + k] = 0.0
+        state.offset[side, 1] = here[1] - goal[1] - shift[1]
         state.velocity[side, 1] = max(min(rising, 0.0), -1.0)
         state.mode[side] = LOCKED
     for k in range(3):
@@ -249,8 +271,13 @@ def foot_target(
     if state.mode[side] == LOCKED and state.offset[side, 1] < 0.0:
         state.offset[side, 1] = 0.0  # never into the ground
         state.velocity[side, 1] = max(state.velocity[side, 1], 0.0)
+    if state.mode[side] == LOCKED:
+        yaw_pitch(turn, angles)
+        pivot_shift(feet, side, angles[1], goal_turn, state.offset[side], shift)
+    else:
+        shift[0], shift[1], shift[2] = 0.0, 0.0, 0.0
     for k in range(3):
-        goal[k] += state.offset[side, k]
+        goal[k] += state.offset[side, k] + shift[k]
     quat_exp(state.offset[side, 3:6], q)
     mul(q, goal_turn, goal_turn)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
-from bunraku.figure.quat import exp, log, mul, mul_inv, normalize, slerp
+from bunraku.figure.quat import exp, inv_mul, log, mul, mul_inv, normalize, slerp
 from bunraku.figure.spring import spring_decay_into
 
 Array = NDArray[np.float64]
@@ -36,13 +36,23 @@ def inertialise(
 ) -> None:  # fmt: skip
     """Begin a transition from pose a, which came from (before_a, turned_a) dt ago, to pose b, which goes on to
     (after_b, turned_b) in dt: sets ``offset`` and ``velocity`` (3 + 3 J each)."""
-    size = offset.shape[0]
-    going, coming = np.empty(size), np.empty(size)
     difference_into(place_a, rotations_a, place_b, rotations_b, offset)
-    difference_into(place_a, rotations_a, before_a, turned_a, going)
-    difference_into(after_b, turned_b, place_b, rotations_b, coming)
-    for k in range(size):
-        velocity[k] = (going[k] - coming[k]) / max(dt, 1e-9)
+    q, r, o = np.empty(4), np.empty(4), np.empty(3)
+    for k in range(3):
+        velocity[k] = (place_a[k] - before_a[k] - after_b[k] + place_b[k]) / max(dt, 1e-9)
+    for joint in range(rotations_a.shape[0]):
+        # What they differed by dt ago, pose b taken back as it will go on.
+        mul_inv(turned_b[joint], rotations_b[joint], q)
+        inv_mul(q, rotations_b[joint], r)
+        mul_inv(turned_a[joint], r, q)
+        log(q, o)
+        apart = 0.0
+        for k in range(3):
+            velocity[3 + 3 * joint + k] = (offset[3 + 3 * joint + k] - o[k]) / max(dt, 1e-9)
+            apart = max(apart, abs(offset[3 + 3 * joint + k] - o[k]))
+        if apart > 1.0:  # on either side of half a turn: their difference says nothing
+            for k in range(3):
+                velocity[3 + 3 * joint + k] = 0.0
 
 
 @kernel

@@ -76,6 +76,7 @@ def test_one_example_has_all_the_weight():
 
 
 @given(st.floats(-np.pi + 1e-6, np.pi), st.floats(0.01, 3.0))
+@settings(deadline=None)
 def test_a_way_is_blended_as_a_vector_and_comes_back(angle, distance):
     names = ("angle", "distance")
     place = embed(names, [angle, distance])

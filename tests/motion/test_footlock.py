@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bunraku.figure.default import default_figure
+from bunraku.figure.fk import fk
+from bunraku.motion import rotation as rot
+from bunraku.motion.constraint import path_of
+from bunraku.motion.footlock import LOCKED, feet_of
+from bunraku.motion.ground import Heightfield, lowest, roll, rolled, sole_of
+from bunraku.motion.leg import move_leg
+from bunraku.motion.player import Player
+from bunraku.motion.synth import builtin_set
+
+
+def _soles(player: Player):
+    """Where heel and ball of each foot are, and its pitch."""
+    places, turns = fk(player.skeleton, player.root, player.rotations)
+    out = []
+    for side in range(2):
+        height, heel, ball = (float(v) for v in player.feet.soles[side])
+        foot = int(player.feet.joints[side, 2])
+        points = [places[foot] + rot.rotate(turns[foot], np.array([0.0, -height, z])) for z in (heel, ball)]
+        out.append((points, float(rot.rotate(turns[foot], np.array([0.0, 0.0, 1.0]))[1])))
+    return out
+
+
+@given(st.floats(-1.2, 0.6))
+@settings(deadline=None)
+def test_a_rolling_foot_stands_on_heel_or_ball(pitch):
+    sole = sole_of(default_figure(), "left")
+    out = np.empty(2)
+    roll(sole.height, sole.heel, sole.ball, pitch, out)
+    np.testing.assert_allclose(out, rolled(sole, np.array(pitch)))
+    pivot = sole.heel if pitch >= 0 else sole.ball
+    # The pivot's place, from the ankle, is where it is when the foot is flat.
+    c, s = np.cos(pitch), np.sin(pitch)
+    y = out[0] - sole.height * c + pivot * s
+    z = out[1] + sole.height * s + pivot * c
+    assert (y, z) == (pytest.approx(0.0, abs=1e-12), pytest.approx(pivot))
+    assert lowest(sole, np.array(out[0]), np.array(pitch), np.array(max(-pitch, 0.0))) > -1e-9
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None)
+def test_a_leg_that_is_put_where_it_is_stays_as_it_is_and_else_gets_there(seed):
+    figure, random = default_figure(), np.random.default_rng(seed)
+    feet = feet_of(figure)
+    rotations = rot.exp(random.normal(0.0, 0.2, (len(figure), 3)))
+    hip, knee, foot = (figure.role("left" + part) for part in ("UpperLeg", "LowerLeg", "Foot"))
+    rotations[hip] = rot.exp(np.array([random.uniform(-1.0, 0.4), random.normal(0, 0.2), random.normal(0, 0.1)]))
+    rotations[knee] = rot.exp(np.array([random.uniform(0.3, 1.5), 0.0, 0.0]))
+    places, turns = fk(figure, np.array([0.0, 0.9, 0.0]), rotations)
+    local, lengths = rotations.copy(), feet.lengths[0]
+    before = places.copy(), turns.copy()
+    beyond = move_leg(
+        figure.parents, feet.joints[0], places, turns, local, before[0][foot].copy(), before[1][foot].copy(),
+        lengths[0], lengths[1], lengths.sum(),
+    )  # fmt: skip
+    assert beyond == 0.0
+    np.testing.assert_allclose(np.abs(np.sum(local * rotations, axis=1)), 1.0, atol=1e-6)
+    goal = before[0][foot] + random.normal(0.0, 0.08, 3)
+    beyond = move_leg(figure.parents, feet.joints[0], places, turns, local, goal, before[1][foot].copy(),
+                      lengths[0], lengths[1], 0.9985 * lengths.sum())  # fmt: skip
+    again, again_turns = fk(figure, np.array([0.0, 0.9, 0.0]), local)
+    np.testing.assert_allclose(again[foot], places[foot], atol=1e-9)
+    assert np.linalg.norm(again[foot] - goal) <= beyond + 1e-6
+    assert abs(np.sum(again_turns[foot] * before[1][foot])) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.6, 1.4, 3.2])
+def test_locked_feet_do_not_move(speed):
+    player = Player(builtin_set())
+    t = np.linspace(0.0, 3.0, 100)
+    player.follow(path_of(np.stack([1.5 - 1.5 * np.cos(t), 1.5 * np.sin(t)], -1), speeds=np.full(100, speed)))
+    held: dict[tuple[int, int], np.ndarray] = {}
+    worst = 0.0
+    for _ in range(600):
+        player.update(1 / 60)
+        for side, (points, pitch) in enumerate(_soles(player)):
+            for k, bears in ((0, pitch > -1e-3), (1, pitch < 1e-3)):
+                if player.state.mode[side] == LOCKED and bears:
+                    start = held.setdefault((side, k), points[k])
+                    worst = max(worst, float(np.hypot(*(points[k] - start)[[0, 2]])))
+                else:
+                    held.pop((side, k), None)
+        assert player.beyond < 1e-9
+        if player.free:
+            break
+    assert worst < 0.002
+
+
+def test_without_the_lock_the_pose_is_as_blended():
+    locked, free = Player(builtin_set()), Player(builtin_set(), lock=False)
+    for player in (locked, free):
+        player.follow(path_of([[0, 0], [1.0, 1.5], [3.0, 1.5]]))
+    gap = 0.0
+    for _ in range(120):
+        locked.update(1 / 60)
+        free.update(1 / 60)
+        assert not free.contacts.any()
+        gap = max(gap, float(np.abs(locked.rotations - free.rotations).max()))
+    assert gap > 0.01
+
+
+def test_a_figure_that_stands_wrong_settles_its_feet():
+    player = Player(builtin_set())
+    player.follow(path_of([[0, 0], [0, 1.5]]))
+    for _ in range(500):
+        player.update(1 / 60)
+    assert player.free
+    for side, sign in enumerate((1.0, -1.0)):
+        mark = player.state.prints[side]
+        assert mark[2] == pytest.approx(1.5, abs=0.06)
+        assert mark[0] * sign == pytest.approx(player.feet.lengths.sum() / 2 * 0.109, abs=0.05)
+
+
+@pytest.mark.parametrize("slope", [-0.18, 0.0, 0.18])
+def test_feet_stand_on_a_slope(slope):
+    field = Heightfield(slope * np.linspace(-1, 5, 61)[:, None] * np.ones((1, 61)), 0.1, -3.0, -1.0)
+    player = Player(builtin_set(), ground=field)
+    player.follow(path_of([[0, 0], [0, 3.0]]))
+    for frame in range(400):
+        player.update(1 / 60)
+        for side, (points, pitch) in enumerate(_soles(player)):
+            settled = player.state.mode[side] == LOCKED and np.abs(player.state.offset[side]).max() < 0.004
+            if frame > 30 and settled and abs(pitch - np.sin(player.state.prints[side, 4])) < 0.02:
+                for point in points:
+                    assert point[1] == pytest.approx(field(float(point[0]), float(point[2])), abs=0.012)
+        assert player.beyond < 1e-6
+    assert player.place.z == pytest.approx(3.0, abs=0.01)
+    assert player.root[1] == pytest.approx(0.92 + slope * 3.0, abs=0.06)
