@@ -33,7 +33,7 @@ def launch(
         pen["script"] = script
     blender: dict[str, object] = {"skeleton": not controller, "ground": ground}
     # From above, so that the ground is wide; pen up is away from the viewer.
-    view = {"azimuth": 0.35, "elevation": 0.42, "distance": 6.5, "pen_early": early, "pen_scale": scale}
+    view = {"azimuth": 0.0, "elevation": 0.42, "distance": 6.5, "pen_early": early, "pen_scale": scale}
     specs = [
         node("input_pen", params=pen, respawn=source != "script", required=source == "script"),
         node("interpreter", params=view, respawn=True),

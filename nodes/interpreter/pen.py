@@ -22,7 +22,7 @@ from bunraku.nodes.interpreter.pen_ground import (
     on_tablet,
 )
 from bunraku.nodes.interpreter.pen_rules import PenRules
-from bunraku.nodes.interpreter.pen_stroke import Event, PenTrack, Sample, StrokePoint
+from bunraku.nodes.interpreter.pen_stroke import Event, PenTrack, Sample, StrokePoint, jump_range
 
 PATH_COLOR = (0.95, 0.72, 0.20, 1.0)
 RANGE_COLOR = (0.25, 0.55, 0.90, 0.8)
@@ -166,6 +166,7 @@ class PenCore:
         if place is None:
             return
         sample = Sample(time, place, message.contact and message.in_range, message.pressure, self.lean)
+        self.track.heading = self._faces(scene)
         for event in self.track.hear(sample):
             self._take(event, scene)
 
@@ -339,6 +340,15 @@ class PenCore:
         x, y, z, w = (float(v) for v in scene.turns[scene.joint("hips")])
         return atan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y))
 
+    def _faces(self, scene: Scene) -> float:
+        """Where the figure faces, or will when it has walked its path, rad from +Z."""
+        points = self.walk.points if self.walk is not None else []
+        if len(points) < 2:
+            return self._yaw(scene)
+        x, z = points[-1].place
+        back = next((one.place for one in reversed(points) if distance(one.place, (x, z)) > 0.1), points[0].place)
+        return atan2(x - back[0], z - back[1])
+
     def _settle(self, scene: Scene) -> None:
         """While nothing is drawn, the next stroke begins where the figure stands."""
         here = self._figure(scene)
@@ -366,10 +376,17 @@ class PenCore:
             shown.append(Primitive(kind="line", points=line, color=PATH_COLOR, size=0.02))
         if self.track.jumping(scene.now):
             x, z = self.track.end
-            for radius in (self.rules.jump_same, self.rules.jump_range):
-                shown.append(
-                    Primitive(kind="circle", points=[(x, FLOOR, z)], color=RANGE_COLOR, size=radius, label="jump")
+            shown.append(
+                Primitive(
+                    kind="circle", points=[(x, FLOOR, z)], color=RANGE_COLOR, size=self.rules.jump_same, label="jump"
                 )
+            )
+            edge: list[tuple[float, ...]] = []
+            for k in range(49):
+                s, c = _sin_cos(2.0 * np.pi * k / 48)
+                reach = jump_range((s, c), self.track.heading, self.rules)
+                edge.append((x + reach * s, FLOOR, z + reach * c))
+            shown.append(Primitive(kind="line", points=edge, color=RANGE_COLOR, size=0.02, label="jump"))
         cursor = self.track.cursor
         if cursor is not None and self._near:
             shown.append(

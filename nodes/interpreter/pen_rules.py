@@ -34,7 +34,9 @@ class PenRules:
     jump_time: float = 0.70
     """s between lift and landing at most; generous, because timing was the pen's weakness in the paper's test."""
     jump_range: float = 1.60
-    """m from lift to landing at most; farther is a reset."""
+    """m from lift to landing at most, straight ahead; farther is a reset."""
+    jump_back: float = 0.95
+    """m at most to the sides and back: people jump less far there."""
     jump_same: float = 0.18
     """m within which a landing is a vertical jump."""
     fling_speed: float = 6.0

@@ -1,7 +1,7 @@
 """A pen's samples as points of four kinds, and the strokes that they make (Oshita 2005, section 5.1)."""
 
 from dataclasses import dataclass, field
-from math import exp
+from math import cos, exp, sin
 from typing import Literal
 
 from bunraku.nodes.interpreter.pen_ground import Point, distance
@@ -63,6 +63,13 @@ class Stroke:
         return distance(self.points[0].place, self.points[-1].place) if self.points else 0.0
 
 
+def jump_range(way: Point, heading: float, rules: PenRules) -> float:
+    """How far (m) a figure that faces ``heading`` (rad from +Z) jumps in the direction of ``way`` (x, z)."""
+    length = distance((0.0, 0.0), way)
+    ahead = (way[0] * sin(heading) + way[1] * cos(heading)) / length if length > 1e-9 else 1.0
+    return rules.jump_back + (rules.jump_range - rules.jump_back) * max(ahead, 0.0) ** 2
+
+
 class PenTrack:
     """Tells moving, stop, landing and reset apart; a still pen sends nothing, so `wait` watches the clock."""
 
@@ -75,6 +82,8 @@ class PenTrack:
         self.stroke = Stroke()
         self.end = place
         """Where the last stroke ended: where the next one begins."""
+        self.heading = 0.0
+        """rad from +Z: where the figure will face when the stroke is done."""
         self.contact = False
         self.moved_at = 0.0
         self.stopped = True
@@ -147,9 +156,9 @@ class PenTrack:
             flung = gap <= rules.fling_time and away >= rules.fling_speed * gap
             if gap <= rules.bounce_time or (flung and not self.stopped):
                 return self._draw(sample)
-            if gap <= rules.jump_time and away <= rules.jump_range:
+            way = (sample.place[0] - lift.place[0], sample.place[1] - lift.place[1])
+            if gap <= rules.jump_time and away <= jump_range(way, self.heading, rules):
                 events = [] if self.stopped else [self._stop()]
-                way = (sample.place[0] - lift.place[0], sample.place[1] - lift.place[1])
                 self.end = (self.end[0] + way[0], self.end[1] + way[1])
                 self._begin(sample)
                 return [*events, Event("landing", way, lift.pressure)]

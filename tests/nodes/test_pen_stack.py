@@ -208,7 +208,7 @@ def test_a_long_stroke_aside_turns_and_then_walks(angle: float) -> None:
 
 
 @pytest.mark.parametrize("angle", EIGHT)
-@pytest.mark.parametrize("length", [0.6, 1.0])
+@pytest.mark.parametrize("length", [0.5, 0.85])
 def test_lifted_and_landed_near_jumps_there_without_turning(angle: float, length: float) -> None:
     play = Play()
     play.hold(0.2)
