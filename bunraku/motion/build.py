@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bunraku.figure.skeleton import Skeleton
 from bunraku.motion import rotation as rot
 from bunraku.motion.analysis import headings
-from bunraku.motion.analysis_contacts import Flags, contacts
+from bunraku.motion.analysis_contacts import Flags, contacts, on_floor
 from bunraku.motion.build_edit import (
     calmed,
     carried,
@@ -91,6 +91,7 @@ def example_of(piece: Piece, source: Source) -> Example:
         raise RecipeError(f"{piece.name}: keys up to {keys[-1]:.2f} s, {piece.file} has {clip.duration:.2f} s")
     clip, flags = clip.slice(first, last + 1), np.array(flags[first : last + 1])
     keys = _inside(keys - keys[0], clip)
+    clip = on_floor(clip)  # the file's floor is one for all of it, and captured floors are not level
     if piece.cycle:
         clip = closed(clip)
         flags[-1] = flags[0]

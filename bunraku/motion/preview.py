@@ -191,8 +191,9 @@ def _curve(
     high = max(float(values.max()) for _, values, _ in lines)
     if unit in ("m", "m/s"):
         low = min(low, 0.0)
-    if high - low < 1e-3:
-        high = low + 1.0
+    least = 4.0 if unit == "deg" else 0.1
+    if high - low < least:
+        low, high = (low, low + least) if low == 0.0 else (low - 0.5 * least, high + 0.5 * least)
     bottom = top + layout.curve - 8
     tall = layout.curve - 26
     right = layout.width - layout.margin
