@@ -5,6 +5,7 @@ and no more than `WINDOW` are on their way to it, so a slow page or network gets
 """
 
 import asyncio
+import contextlib
 import logging
 import os
 import ssl
@@ -44,6 +45,8 @@ WINDOW = 3
 MAX_PAGES = 16
 MAX_CONNECTIONS = 48
 MAX_REPLIES = 64
+LAST_WORDS = 0.3
+"""s for the pages' goodbyes when the stage ends."""
 HELLO_SECONDS = 5.0
 MESSAGES = (600.0, 400.0)
 """A page's messages: a second, and at once."""
@@ -172,20 +175,21 @@ class PageServer:
     async def _listen(self, host: str, port: int, tls: ssl.SSLContext | None) -> None:
         quiet = logging.getLogger("bunraku.web.sockets")
         quiet.setLevel(logging.CRITICAL)
-        self._stopped = asyncio.Event()
         server: Server = await serve(
             self._converse, host, port, ssl=tls, process_request=self._request, server_header=None, compression=None,
             max_size=MAX_TEXT, max_queue=32, write_limit=16 << 10, open_timeout=5, close_timeout=2,
             ping_interval=5, ping_timeout=10, logger=quiet,
         )  # fmt: skip
         self.port = next(iter(server.sockets)).getsockname()[1]
+        self._stopped = asyncio.Event()
         self._tasks.add(asyncio.ensure_future(self._serve_until_stopped(server)))
 
     async def _serve_until_stopped(self, server: Server) -> None:
         assert self._stopped is not None
         await self._stopped.wait()
         server.close(code=1001, reason="the stage is closing")
-        await server.wait_closed()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(server.wait_closed(), LAST_WORDS)
         self._loop.stop()
 
     def _end(self) -> None:

@@ -3,7 +3,9 @@
 import asyncio
 import contextlib
 import json
+import shutil
 import socket as socketlib
+import ssl
 import struct
 import threading
 import urllib.error
@@ -19,7 +21,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from bunraku.figure.default import default_figure
 from bunraku.figure.wire import to_message
 from bunraku.msgs import Camera, Event, InvalidMessage, Overlay, Parameter, Params, Pose, Primitive
-from bunraku.nodes.web.access import Gate, TokenBucket, host_names, peer_user, qr
+from bunraku.nodes.web.access import AccessError, Gate, TokenBucket, certificate, host_names, peer_user, qr
 from bunraku.nodes.web.calls import Calls
 from bunraku.nodes.web.files import load_page, weight
 from bunraku.nodes.web.mesh import pack_mesh
@@ -631,3 +633,75 @@ def test_a_port_that_cannot_be_had_ends_the_node_with_a_line(caplog: pytest.LogC
 def test_bad_parameters_are_refused() -> None:
     with pytest.raises(ParamProblem):
         MemoryStage().add(Web, port=99999)
+
+
+# -- beyond this machine --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl program: apt-get install openssl")
+def test_a_self_made_certificate_serves_and_is_kept(tmp_path: Path) -> None:
+    cert, key, fingerprint = certificate(tmp_path / "tls", ["127.0.0.1", "localhost", "[::1]"])
+    assert key.stat().st_mode & 0o077 == 0
+    assert len(fingerprint.split(":")) == 32
+    assert certificate(tmp_path / "tls", ["localhost"])[2] == fingerprint
+    other = certificate(tmp_path / "tls", ["localhost", "stage.local"])
+    assert other[2] != fingerprint
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(other[0], other[1])
+
+    async def call(page: str, one: Call) -> dict[str, Any]:
+        return {}
+
+    server = PageServer(Hooks(lambda *_: None, lambda *_: None, call), load_page(), Gate(frozenset(), "https"))
+    server.start("127.0.0.1", 0, context)
+    try:
+        server.gate = Gate(host_names(["localhost"], server.port, "https"), "https")
+        trusting = ssl.create_default_context(cafile=str(cert))
+        with urllib.request.urlopen(f"https://localhost:{server.port}/", timeout=10, context=trusting) as answer:
+            assert f"wss://localhost:{server.port}" in answer.headers["Content-Security-Policy"]
+
+        async def work() -> None:
+            origin = f"https://localhost:{server.port}"
+            async with connect(f"wss://localhost:{server.port}/socket", origin=origin, ssl=trusting) as socket:
+                await hello(socket)
+
+        run(work())
+    finally:
+        server.stop()
+
+
+def test_without_openssl_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(AccessError, match="apt-get install openssl"):
+        certificate(tmp_path / "tls", ["localhost"])
+
+
+def test_on_the_network_the_link_has_a_token_that_no_log_holds(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("bunraku.nodes.web.node.lan_address", lambda: "127.0.0.1")
+    stage = MemoryStage()
+    with caplog.at_level("INFO"):
+        web = stage.add(Web, port=0, lan=True)
+    try:
+        printed = capsys.readouterr().err
+        link = next(line for line in printed.splitlines() if line.startswith("http"))
+        token = link.partition("#t=")[2]
+        assert len(token) >= 22
+        assert "█" in printed
+        assert token not in caplog.text
+        assert not any(token in one.text for one in stage.received("log/web"))
+        assert web.save() is not None
+        assert token in (web.save() or b"").decode("latin-1")  # a page finds back to a restarted server
+        origin = f"http://127.0.0.1:{web.server.port}"
+
+        async def work() -> None:
+            socket = await connect(f"{origin.replace('http', 'ws')}/socket", origin=origin)
+            await socket.send('{"t":"hello","page":"aaaa1111"}')
+            assert await closed(socket) == 4003
+            async with connect(f"{origin.replace('http', 'ws')}/socket", origin=origin) as socket:
+                await hello(socket, token=token)
+
+        run(work())
+    finally:
+        stage.remove(web)

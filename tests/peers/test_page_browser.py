@@ -535,6 +535,38 @@ def test_the_picture_is_fitted_to_the_screen(person: Person, hall: Hall) -> None
     person.until("Math.abs(bunraku.stage.camera.aspect - 16 / 9) < 0.01")
 
 
+@pytest.mark.parametrize(("width", "height", "pages"), [(640, 480, 1), (1280, 800, 1), (1280, 800, 2)])
+def test_what_a_page_costs_is_measured(browser: Any, hall: Hall, width: int, height: int, pages: int) -> None:
+    people = [Person(browser, hall, viewport={"width": width, "height": height}) for _ in range(pages)]
+    try:
+        one = people[0]
+        one.page.wait_for_timeout(1500)
+        one.ask("for (const k of ['delay', 'script', 'gaps']) bunraku.stats[k].clear()")
+        x, y = one.where("leftHand")
+        one.fingers("touchStart", (x, y))
+        began, first = time.monotonic(), one.ask("bunraku.connection.bytes")
+        for k in range(300):
+            place = (x + 40 * np.sin(k / 15), y - 60 + 60 * np.cos(k / 15))
+            one.fingers("touchMove", place)
+            one.page.wait_for_timeout(max(0.0, (began + (k + 1) / 60 - time.monotonic()) * 1000))
+        seconds = time.monotonic() - began
+        numbers = one.ask(
+            """() => { const {stats, stage} = bunraku, p = (s, q) => Math.round(100 * s.percentile(q)) / 100;
+              return {delay: [p(stats.delay, .5), p(stats.delay, .99)], fps: 1000 / p(stats.gaps, .5),
+                script: [p(stats.script, .5), p(stats.script, .95)], calls: stage.calls, pixels: stage.scale,
+                measured: stats.delay.values.length}; }"""
+        )
+        numbers["kB/s"] = round((one.ask("bunraku.connection.bytes") - first) / seconds / 1000, 1)
+        one.fingers("touchEnd")
+        print(f"{width}x{height}, {pages} pages: {numbers}")
+        assert numbers["measured"] > 50
+        assert 0 < numbers["calls"] <= 50
+        assert numbers["kB/s"] < 200
+    finally:
+        for person in people:
+            person.close()
+
+
 def test_the_page_is_driven_by_keyboard(person: Person) -> None:
     page = person.page
     page.locator("input[value=touch]").focus()
