@@ -89,8 +89,8 @@ def contacts(clip: Clip, limits: ContactLimits = LIMITS) -> Flags:
     ]
     slow = speeds < limits.speed_on * off
     heights = points[..., 1] - _floor(points[..., 1], slow, clip.fps, limits)
-    on = ((heights < limits.height_on) & slow).any(axis=2)
-    stay = ((heights < limits.height_off) & (speeds < off)).any(axis=2)
+    on: Flags = np.any((heights < limits.height_on) & slow, axis=2)
+    stay: Flags = np.any((heights < limits.height_off) & (speeds < off), axis=2)
     shortest = max(1, round(limits.shortest * clip.fps))
     flags = np.empty((len(clip), 2), dtype=np.bool_)
     for k in range(2):
@@ -135,7 +135,7 @@ def _floor(heights: Array, slow: Flags, fps: float, limits: ContactLimits) -> Ar
     base = np.minimum(base, base.min(axis=0) + limits.slope)
     near = minimum_filter1d(rested, _width(len(heights), fps, limits), axis=0, mode="nearest")
     near = np.where(np.isfinite(near), near, base)
-    return np.clip(near, base - limits.slope, base + limits.slope)
+    return np.asarray(np.clip(near, base - limits.slope, base + limits.slope), dtype=np.float64)
 
 
 def _low(heights: Array, otherwise: float) -> float:
