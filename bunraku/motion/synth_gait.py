@@ -93,7 +93,7 @@ def walking(speed: float, **changes: float) -> Gait:
     gait = Gait(
         speed=speed,
         cycle=cycle,
-        stance=float(np.clip(support / cycle + 0.012, 0.58, 0.68)),
+        stance=float(np.clip(support / cycle - 0.004, 0.58, 0.68)),
         width=0.10 + 0.05 * slow,
         bob=float(np.interp(speed, [0.0, 0.7, 1.6, 2.2], [0.010, 0.022, 0.044, 0.055])),
         sway=float(np.interp(speed, [0.0, 0.7, 1.6, 2.2], [0.058, 0.060, 0.038, 0.032])),
@@ -162,7 +162,7 @@ def swing_angles(gait: Gait, phase: Array) -> tuple[Array, Array]:
     thigh_walk = [(0.0, 24.0), (0.5 * s, 0.0), (0.86 * s, -21.0), (at(0.0), -10.0), (at(0.36), 13.0), (at(0.66), 23.5),
                   (at(0.86), 24.5)]  # fmt: skip
     knee_walk = [(0.0, 8.0), (0.25 * s, 17.0), (0.6 * s, 8.0), (at(0.0), 42.0), (at(0.27), 63.0), (at(0.52), 46.0),
-                 (at(0.78), 22.0), (at(0.94), 10.0)]  # fmt: skip
+                 (at(0.78), 19.0), (at(0.94), 6.0)]  # fmt: skip
     thigh_run = [(0.0, 21.0), (0.5 * s, 5.0), (at(0.0), -24.0), (at(0.10), -20.0), (at(0.45), 16.0), (at(0.72), 32.0),
                  (at(0.88), 25.0)]  # fmt: skip
     knee_run = [(0.0, 22.0), (0.5 * s, 42.0), (at(0.0), 20.0), (at(0.38), 96.0), (at(0.60), 76.0), (at(0.86), 44.0),
@@ -191,14 +191,21 @@ def foot_pitch(gait: Gait, phase: Array) -> Array:
     return np.radians(curve(walk, phase))
 
 
-def _hermite(p0: Array, v0: Array, p1: Array, v1: Array, t: Array, span: float) -> Array:
-    """Cubic from p0 to p1 (3) with velocities v0, v1 per unit of time; t 0..1 over ``span``."""
+SOFT = 0.13  # s, over which a difference in velocity at a swing's ends dies away
+
+
+def _eased(p0: Array, v0: Array, p1: Array, v1: Array, t: Array, span: float) -> Array:
+    """(n, 3) from p0 to p1 (3), t 0..1 over ``span`` s, that begins with velocity v0 and ends with v1.
+
+    The velocities are worked off near the ends, so that they do not carry the middle away.
+    """
     u = t[:, None]
-    a = 2 * u**3 - 3 * u**2 + 1
-    b = u**3 - 2 * u**2 + u
-    c = -2 * u**3 + 3 * u**2
-    d = u**3 - u**2
-    return np.asarray(a * p0 + b * span * v0 + c * p1 + d * span * v1, dtype=np.float64)
+    out = p0 + (p1 - p0) * u * u * (3.0 - 2.0 * u)
+    width = min(SOFT, 0.5 * span)
+    since, left = u * span, (1.0 - u) * span
+    out += v0 * since * np.maximum(1.0 - since / width, 0.0) ** 2
+    out -= v1 * left * np.maximum(1.0 - left / width, 0.0) ** 2
+    return np.asarray(out, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -401,16 +408,13 @@ def _swing(
         span = (1.0 - gait.stance) * period
         fk = _fk(gait, own[mine] - cycle, upper, lower) + hip[mine]
         fk[:, 0] = hip[mine, 0]
-        track = fk + _hermite(ends[0], velocities[0], ends[1], velocities[1], share, span)
+        track = fk + _eased(ends[0], velocities[0], ends[1], velocities[1], share, span)
         pitch = foot.pitch[mine]
         bend = _toe_bend(gait, own[mine] - cycle)
         sole_low = lowest(sole, track[:, 1], pitch, bend)
         want = gait.clearance * frame.length * np.sin(pi * share) ** 0.8
         lack = np.maximum(want - sole_low, 0.0)
-        if lack.max() > 0.0:  # lifted as a whole, so that the path stays smooth
-            window = np.sin(pi * share) ** 2
-            track[:, 1] += float(np.max(lack / np.maximum(window, 0.08))) * window
-            track[:, 1] += np.maximum(0.002 - lowest(sole, track[:, 1], pitch, bend), 0.0)
+        track[:, 1] += _raised(lack, share)
         base, heading = arc.at(phase[mine] * period)
         foot.ankle[mine] = _to_world(track, base, heading)
         yaw0, yaw1 = (_prints(frame, gait, side, period, arc, c)[1] for c in (cycle, cycle + 1))
@@ -418,6 +422,16 @@ def _swing(
     plan.ankles[side], plan.foot_yaw[side], plan.foot_pitch[side] = foot.ankle, foot.yaw, foot.pitch
     plan.toe_bend[side] = _toe_bend(gait, own)
     plan.contacts[:, side] = foot.contact
+
+
+def _raised(lack: Array, share: Array) -> Array:
+    """A smooth height (n) at least ``lack`` (n) and not much more, at rest at both ends of the swing."""
+    radius = 4
+    padded = np.pad(lack, radius)
+    widest = np.array([padded[k : k + 2 * radius + 1].max() for k in range(len(lack))])
+    kernel = np.hanning(2 * radius + 3)[1:-1]
+    smooth = np.convolve(np.pad(widest, radius), kernel / kernel.sum(), "valid")
+    return np.asarray(smooth * np.minimum(blend(share, 0.0, 0.12), blend(1.0 - share, 0.0, 0.12)), dtype=np.float64)
 
 
 def _toe_bend(gait: Gait, own: Array) -> Array:
