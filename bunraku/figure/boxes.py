@@ -29,11 +29,13 @@ def box_axes(turn: Array, axes: Array) -> None:
 
 @kernel
 def box_gap(
-    a_center: Array, a_axes: Array, a_half: Array, b_center: Array, b_axes: Array, b_half: Array, axis: Array
-) -> float:
+    a_center: Array, a_axes: Array, a_half: Array, b_center: Array, b_axes: Array, b_half: Array, axis: Array,
+    enough: float = 1e9,
+) -> float:  # fmt: skip
     """Signed gap of two boxes (m): positive apart (a lower bound), negative the depth of the overlap.
 
-    ``axis`` (3, unit) is written: the direction that moves ``a`` out of ``b`` by the shortest way.
+    ``axis`` (3, unit) is written: the direction that moves ``a`` out of ``b`` by the shortest way. A gap
+    that is known to be ``enough`` (m) or more is not looked into any further.
     """
     dx = a_center[0] - b_center[0]
     dy = a_center[1] - b_center[1]
@@ -64,6 +66,8 @@ def box_gap(
             best = gap
             sign = 1.0 if d >= 0.0 else -1.0
             axis[0], axis[1], axis[2] = sign * x, sign * y, sign * z
+            if best >= enough:
+                return best
     return best
 
 
@@ -80,7 +84,7 @@ def place_boxes_into(
 
 
 @kernel
-def pair_gap(centers: Array, axes: Array, sizes: Array, a: int, b: int, axis: Array) -> float:
+def pair_gap(centers: Array, axes: Array, sizes: Array, a: int, b: int, axis: Array, enough: float = 1e9) -> float:
     """`box_gap` of two joints' boxes; pairs whose spheres are apart are not looked at closely."""
     d2, ra, rb = 0.0, 0.0, 0.0
     for k in range(3):
@@ -93,7 +97,7 @@ def pair_gap(centers: Array, axes: Array, sizes: Array, a: int, b: int, axis: Ar
         for k in range(3):
             axis[k] = (centers[a, k] - centers[b, k]) / d
         return d - far
-    return box_gap(centers[a], axes[a], sizes[a], centers[b], axes[b], sizes[b], axis)
+    return box_gap(centers[a], axes[a], sizes[a], centers[b], axes[b], sizes[b], axis, enough)
 
 
 @kernel
@@ -102,7 +106,7 @@ def deepest_overlap(pairs: Index, centers: Array, axes: Array, sizes: Array) -> 
     worst = 0.0
     axis = np.empty(3)
     for n in range(pairs.shape[0]):
-        worst = max(worst, -pair_gap(centers, axes, sizes, pairs[n, 0], pairs[n, 1], axis))
+        worst = max(worst, -pair_gap(centers, axes, sizes, pairs[n, 0], pairs[n, 1], axis, 0.0))
     return worst
 
 

@@ -4,13 +4,14 @@ A process that computes poses at rate compiles (0.4 s of start with a warm cache
 faster); one that computes a single pose a frame runs the same source as plain Python and never imports
 numba. ``BUNRAKU_JIT=0`` or numba's own ``NUMBA_DISABLE_JIT=1`` choose the latter.
 
-The cache folder is named by a hash of every kernel source, because numba's own staleness check looks only
-at the file of the outer function and would keep an outdated inlined one.
+A cache folder is named by a hash of the kernel sources, because numba's own staleness check looks only at the
+file of the outer function and would keep an outdated inlined one.
 """
 
 import hashlib
 import os
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -19,24 +20,37 @@ F = TypeVar("F", bound=Callable[..., Any])
 COMPILED = os.environ.get("BUNRAKU_JIT", "1") != "0" and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
 
-def cache_folder() -> Path:
-    """Where the compiled kernels of exactly these sources are kept (it need not exist yet)."""
+PACKAGE = Path(__file__).resolve().parent.parent
+BELOW = {"figure": ("figure",), "motion": ("figure", "motion"), "blender": ("figure", "motion", "blender")}
+"""Folders whose kernels those of a folder may call; any other folder calls its own and the figure's."""
+
+
+@cache
+def cache_folder(name: str = "motion") -> Path:
+    """Where the compiled kernels of one folder ('figure', 'motion', 'controller') are kept; it need not exist yet.
+
+    Named by all kernel sources that it may call, so that a change recompiles what it can reach and nothing else.
+    """
     digest = hashlib.sha256()
-    package = Path(__file__).resolve().parent.parent
-    for folder in (package / "figure", package / "motion", package / "nodes" / "controller"):
+    for part in BELOW.get(name, ("figure", name)):
+        folder = PACKAGE / part if part in ("figure", "motion") else PACKAGE / "nodes" / part
         for source in sorted(folder.glob("*.py")):
-            digest.update(source.read_bytes())
+            text = source.read_bytes()
+            if b"@kernel" in text:
+                digest.update(text)
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "bunraku" / "kernels" / digest.hexdigest()[:16]
+    return root / "bunraku" / "kernels" / f"{name}-{digest.hexdigest()[:16]}"
 
 
 if COMPILED:
-    if "NUMBA_CACHE_DIR" not in os.environ:
-        os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
     import numba
+
+    _OWN = "NUMBA_CACHE_DIR" not in os.environ
 
     def kernel(function: F) -> F:
         """Compile ``function`` (no Python objects inside), cached on disk."""
+        if _OWN:
+            numba.config.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename).parent.name))  # type: ignore[attr-defined]
         return cast(F, numba.njit(cache=True, error_model="numpy")(function))
 
 else:

@@ -88,7 +88,7 @@ def sole_bottom(rig: Rig, side: int, turn: Array) -> float:
 @kernel
 def keep_above_floor(rig: Rig, side: int, ankle_height: float, turn: Array) -> None:
     """Turn a foot toward level, in place, just as far as it takes to keep its sole above the floor."""
-    if ankle_height + sole_bottom(rig, side, turn) >= 0.0:
+    if ankle_height + sole_bottom(rig, side, turn) >= -1e-6:
         return
     swing, level, trial = np.empty(4), np.empty(4), np.empty(4)
     swing_twist_y(turn, swing, level)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bunraku.figure.jit import kernel
 from bunraku.figure.limb import frame_quat
 from bunraku.figure.skeleton import Skeleton, SkeletonError
 from bunraku.figure.swivel import (
@@ -156,4 +157,69 @@ def rig_of(skeleton: Skeleton) -> Rig:
         reach=reach, references=references, rolls=rolls, hinges=hinges, places=places, angles=angles, radii=radii,
         soles=soles, ankle_heights=heights, rest_positions=np.array(rest),
         leg_length=float(lengths[2:].sum() / 2),
+    )  # fmt: skip
+
+
+def pack_rig(rig: Rig) -> tuple[Index, Array]:
+    """A rig in two arrays, which cost less to hand to a compiled kernel than its two dozen; see `unpack_rig`."""
+    ints = [np.array([len(rig.parents), len(rig.back), len(rig.neck), rig.angles.shape[1]])]
+    ints += [np.ravel(a) for a in (rig.parents, rig.back, rig.neck, rig.limbs)]
+    floats = [np.ravel(np.asarray(a, dtype=np.float64)) for a in rig if not _is_index(a)]
+    return np.concatenate(ints).astype(np.int64), np.concatenate(floats)
+
+
+def _is_index(a: object) -> bool:
+    return isinstance(a, np.ndarray) and a.dtype == np.int64
+
+
+@kernel
+def unpack_rig(ints: Index, floats: Array) -> Rig:
+    """The rig that `pack_rig` packed, as views."""
+    j, b, n, e = ints[0], ints[1], ints[2], ints[3]
+    i = 4
+    parents = ints[i : i + j]
+    i += j
+    back = ints[i : i + b]
+    i += b
+    neck = ints[i : i + n]
+    i += n
+    limbs = ints[i : i + 12].reshape(4, 3)
+    k = 0
+    offsets = floats[k : k + 3 * j].reshape(j, 3)
+    k += 3 * j
+    masses = floats[k : k + j]
+    k += j
+    mass_centers = floats[k : k + 3 * j].reshape(j, 3)
+    k += 3 * j
+    box_centers = floats[k : k + 3 * j].reshape(j, 3)
+    k += 3 * j
+    box_sizes = floats[k : k + 3 * j].reshape(j, 3)
+    k += 3 * j
+    back_shares = floats[k : k + b]
+    k += b
+    lengths = floats[k : k + 8].reshape(4, 2)
+    k += 8
+    reach = floats[k : k + 12].reshape(4, 3)
+    k += 12
+    references = floats[k : k + 24].reshape(4, 2, 3)
+    k += 24
+    rolls = floats[k : k + 32].reshape(4, 2, 4)
+    k += 32
+    hinges = floats[k : k + 12].reshape(4, 3)
+    k += 12
+    places = floats[k : k + 6 * e].reshape(2, e, 3)
+    k += 6 * e
+    angles = floats[k : k + 4 * e].reshape(4, e)
+    k += 4 * e
+    radii = floats[k : k + 2 * e].reshape(2, e)
+    k += 2 * e
+    soles = floats[k : k + 24].reshape(2, 4, 3)
+    k += 24
+    ankle_heights = floats[k : k + 2]
+    k += 2
+    rest_positions = floats[k : k + 3 * j].reshape(j, 3)
+    k += 3 * j
+    return Rig(
+        parents, offsets, masses, mass_centers, box_centers, box_sizes, back, back_shares, neck, limbs, lengths,
+        reach, references, rolls, hinges, places, angles, radii, soles, ankle_heights, rest_positions, floats[k],
     )  # fmt: skip

@@ -23,6 +23,8 @@ from bunraku.nodes.controller.state import Gains, State, Under
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+NEAR = 0.031
+"""m: what is farther apart is not measured."""
 STRIDE = 0.04
 """m: the longest way between two looks."""
 MOST_STRIDES = 10
@@ -42,6 +44,28 @@ class Contacts(NamedTuple):
     parts: Index  # (4, 4) joints with a box of each limb, from upper on; -1 for none
     others: Index  # (4, 4, K) joints that each part must not overlap; -1 for none
     limits: Limits
+
+
+def pack_contacts(contacts: Contacts) -> tuple[Index, Array]:
+    """Contacts in two arrays; see `unpack_contacts`."""
+    limits = contacts.limits
+    ints = [np.array([contacts.others.shape[2]]), contacts.parts, contacts.others, limits.kinds]
+    floats = [limits.centers, limits.axes, limits.ranges]
+    return np.concatenate([a.ravel() for a in ints]), np.concatenate([a.ravel() for a in floats])
+
+
+@kernel
+def unpack_contacts(ints: Index, floats: Array, joints: int) -> Contacts:
+    """What `pack_contacts` packed, as views."""
+    widest = ints[0]
+    i = 17 + 16 * widest
+    limits = Limits(
+        ints[i : i + joints],
+        floats[0 : 4 * joints].reshape(joints, 4),
+        floats[4 * joints : 13 * joints].reshape(joints, 3, 3),
+        floats[13 * joints : 19 * joints].reshape(joints, 3, 2),
+    )
+    return Contacts(ints[1:17].reshape(4, 4), ints[17:i].reshape(4, 4, widest), limits)
 
 
 @kernel
@@ -101,7 +125,7 @@ def deepest_contact(
                 break
             if yielding[other] > 0.5:
                 continue
-            gap = pair_gap(centers, axes, rig.box_sizes, part, other, axis)
+            gap = pair_gap(centers, axes, rig.box_sizes, part, other, axis, NEAR)
             if gap < least:
                 least = gap
                 for k in range(3):
@@ -226,7 +250,9 @@ def avoid(
         limb = order[turn]
         row = limb + 1
         fixed = limb >= 2 and st.planted[limb - 2] > 0.5
-        limited = not fixed and (flags[row] > 0.5 or under.active[0] < 0.5)
+        if fixed:
+            continue
+        limited = flags[row] > 0.5 or under.active[0] < 0.5
         root = positions_ws[rig.limbs[limb, 0]]
         for k in range(3):
             goal[k] = st.points[row, k]
@@ -237,7 +263,7 @@ def avoid(
         place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         way = distance(goal, start)
-        if fixed or gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
+        if gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
             if gap > 0.03:
                 st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
             if limited:

@@ -8,21 +8,22 @@ from bunraku.figure.fk import fk_into
 from bunraku.figure.jit import kernel
 from bunraku.figure.limits import limits_of
 from bunraku.figure.mass import upper_body_share
-from bunraku.figure.pointpose import Base, analyse_into, default_swivel, reconstruct_into
+from bunraku.figure.pointpose import analyse_into, default_swivel, reconstruct_into
 from bunraku.figure.quat import exp, inv_mul, log, mul
-from bunraku.figure.rig import Rig, rig_of
+from bunraku.figure.rig import Rig, pack_rig, rig_of
 from bunraku.figure.skeleton import Skeleton
 from bunraku.figure.spring import spring_decay_into
 from bunraku.figure.support import margin_in_hull
-from bunraku.nodes.controller.collision import Contacts
-from bunraku.nodes.controller.stack import advance
+from bunraku.nodes.controller.collision import Contacts, pack_contacts
+from bunraku.nodes.controller.stack import advance_packed
 from bunraku.nodes.controller.state import (
+    HELD_SIZE,
     STATE_SIZE,
     Gains,
-    Under,
-    nothing_held,
-    rest_under,
-    state_views,
+    under_size,
+    unpack_held,
+    unpack_state,
+    unpack_under,
 )
 
 Array = NDArray[np.float64]
@@ -90,13 +91,20 @@ class Stack:
         """``place`` (3) m is where it stands on the ground, facing ``yaw`` (rad about +Y from +Z)."""
         self.skeleton = skeleton
         self.rig = rig_of(skeleton)
+        self._switched = False
+        self.rig_packed = pack_rig(self.rig)
         self.gains = gains or Gains()
-        self.held = nothing_held()
-        self.under = rest_under(self.rig)
         self.contacts = contacts_of(skeleton, self.rig)
+        self.contacts_packed = pack_contacts(self.contacts)
+        self.held_buffer = np.zeros(HELD_SIZE)
+        self.held = unpack_held(self.held_buffer)
+        self.held.turns[:, 3] = 1.0
+        self.under_buffer = np.zeros(under_size(len(skeleton)))
+        self.under = unpack_under(self.under_buffer, len(skeleton))
+        self.lie_over_rest()
         self.mass_share = upper_body_share(skeleton)
         self.buffer = np.zeros(STATE_SIZE)
-        self.state = state_views(self.buffer)
+        self.state = unpack_state(self.buffer)
         joints = len(skeleton)
         self.rotations_ls = np.zeros((joints, 4))
         self.rotations_ls[:, 3] = 1.0
@@ -108,7 +116,6 @@ class Stack:
         self.place = np.zeros(3) if place is None else np.asarray(place, dtype=np.float64)
         self.yaw = yaw
         self.fade, self.fade_rates, self.fading = np.zeros((joints, 3)), np.zeros((joints, 3)), 0.0
-        self._switched = False
         self.reset()
 
     def reset(self) -> None:
@@ -162,38 +169,52 @@ class Stack:
         """Whether a step is under way or asked for."""
         return bool(self.state.step[0] != 0.0 or self.state.step[25] != 0.0)
 
-    def lay_over(
-        self, root: Array | None, rotations_ls: Array | None = None, contacts: tuple[bool, bool] = (False, False)
-    ) -> None:
-        """Lay the stack over a motion's pose (root (3) m, rotations (J, 4)), or over the rest pose (None)."""
-        rig = self.rig
-        if root is None or rotations_ls is None:
-            if self.under.active[0] > 0.5:
-                self._switched = True
-                self.under = rest_under(rig)
-            return
-        joints = len(self.skeleton)
-        local = np.ascontiguousarray(rotations_ls, dtype=np.float64)
-        local = local / np.linalg.norm(local, axis=1)[:, None]
-        positions, rotations = np.empty((joints, 3)), np.empty((joints, 4))
-        fk_into(rig.parents, rig.offsets, np.asarray(root, dtype=np.float64), local, positions, rotations)
-        under = Under(
-            np.ones(1), Base(local, rotations, np.empty((4, 2, 4)), np.empty(4)), np.empty((5, 3)),
-            np.empty((2, 4)), np.empty(4), np.empty((2, 4)), np.array(contacts, dtype=np.float64), np.empty((4, 3)),
-        )  # fmt: skip
+    @property
+    def gains(self) -> Gains:
+        """Weights and speeds; may be replaced at any time."""
+        return self._gains
+
+    @gains.setter
+    def gains(self, gains: Gains) -> None:
+        self._gains = gains
+        self._gains_packed = np.array(gains, dtype=np.float64)
+
+    def lie_over_rest(self) -> None:
+        """Lay the stack over no motion: the figure stands by itself."""
+        under = self.under
+        if under.active[0] > 0.5:
+            self._switched = True
+        self.under_buffer[:] = 0.0
+        for array in (under.turns, under.feet, under.base.rotations_ls, under.base.rotations_ws):
+            array[:, 3] = 1.0
+        under.contacts[:] = 1.0
+        under.base.rolls[:] = self.rig.rolls
+        under.base.exact[:] = self.rig.reach[:, 1]
+
+    def lie_over(self, root: Array, rotations_ls: Array, contacts: tuple[bool, bool]) -> None:
+        """Lay the stack over a motion's pose: root (3) m, rotations (J, 4), which feet are planted."""
+        rig, under = self.rig, self.under
+        if under.active[0] < 0.5:
+            self._switched = True
+        local = under.base.rotations_ls
+        local[:] = rotations_ls
+        local /= np.linalg.norm(local, axis=1)[:, None]
+        positions = np.empty((len(local), 3))
+        fk_into(
+            rig.parents, rig.offsets, np.asarray(root, dtype=np.float64), local, positions, under.base.rotations_ws
+        )
         analyse_into(
-            rig, local, positions, rotations, under.points, under.turns, under.swivels, under.feet,
+            rig, local, positions, under.base.rotations_ws, under.points, under.turns, under.swivels, under.feet,
             under.base.rolls, under.base.exact,
         )  # fmt: skip
+        under.active[0] = 1.0
+        under.contacts[:] = contacts
         for limb in range(4):
             upper = rig.limbs[limb, 0]
             under.roots[limb] = positions[upper]
             under.swivels[limb] -= default_swivel(
-                rig, limb, under.points[1 + limb], positions[upper], rotations[rig.parents[upper]]
+                rig, limb, under.points[1 + limb], positions[upper], under.base.rotations_ws[rig.parents[upper]]
             )  # fmt: skip
-        if self.under.active[0] < 0.5:
-            self._switched = True
-        self.under = under
 
     def step(self, dt: float) -> None:
         """Advance by ``dt`` s; a long step is made of several, with held points going evenly to their targets."""
@@ -213,9 +234,10 @@ class Stack:
         if self._switched:
             before = self.rotations_ls.copy()
         self.hull_size = int(
-            advance(
-                self.rig, self.gains, self.state, self.held, self.under, self.contacts, self.mass_share, dt,
-                self.hull, self.center, self.rotations_ls, self.positions_ws, self.rotations_ws,
+            advance_packed(
+                *self.rig_packed, self._gains_packed, self.buffer, self.held_buffer, self.under_buffer,
+                *self.contacts_packed, self.mass_share, dt, self.hull, self.center, self.rotations_ls,
+                self.positions_ws, self.rotations_ws,
             )
         )  # fmt: skip
         if self._switched:

@@ -131,7 +131,7 @@ class Controller(Node):
                     msg.skeleton, skeleton.hash,
                 )  # fmt: skip
             return
-        self.core.lay_over(
+        self.core.lie_over(
             np.asarray(msg.root, dtype=np.float64), np.asarray(msg.rotations, dtype=np.float64),
             (msg.contacts.left_foot, msg.contacts.right_foot),
         )  # fmt: skip

@@ -16,11 +16,11 @@ from bunraku.figure.limb import swivel_of
 from bunraku.figure.mass import center_of_mass_into
 from bunraku.figure.pointpose import default_swivel, level_weight, reconstruct_into
 from bunraku.figure.quat import exp, inv_rotate, log, mul_inv, slerp
-from bunraku.figure.rig import Rig
+from bunraku.figure.rig import Rig, unpack_rig
 from bunraku.figure.spring import lag, spring_to_into
 from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
 from bunraku.nodes.controller.blend import blend_point, blend_turn
-from bunraku.nodes.controller.collision import Contacts, avoid, place_limb
+from bunraku.nodes.controller.collision import Contacts, avoid, place_limb, unpack_contacts
 from bunraku.nodes.controller.interaction import end_from_trunk, trunk_from_ends
 from bunraku.nodes.controller.legs import keep_pelvis_over_feet, landing_place, lean_room, pelvis_home
 from bunraku.nodes.controller.relaxing import (
@@ -33,7 +33,16 @@ from bunraku.nodes.controller.relaxing import (
     twist_of,
     yaw_turn,
 )
-from bunraku.nodes.controller.state import Gains, Held, State, Under
+from bunraku.nodes.controller.state import (
+    Gains,
+    Held,
+    State,
+    Under,
+    unpack_gains,
+    unpack_held,
+    unpack_state,
+    unpack_under,
+)
 from bunraku.nodes.controller.step import HEADING, IDLE, PHASE, advance_step, begin_step, wrap
 from bunraku.nodes.controller.tracking import follow_point, follow_turn, keep_lean, reach_with_trunk, root_shift
 
@@ -310,6 +319,14 @@ def agree(
     over = under.active[0] > 0.5
     back = rig.back[0]
     size = 0
+    # A pelvis that is held where no leg reaches must not be looked at there.
+    for k in range(3):
+        for side in range(2):
+            hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
+    keep_pelvis_over_feet(
+        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, False,
+        not stepping and not over,
+    )  # fmt: skip
     for round_ in range(ROUNDS + LAST_ROUNDS):
         last_word = round_ >= ROUNDS
         reconstruct_into(
@@ -410,7 +427,7 @@ def agree(
         moved = 0.0
         for k in range(3):
             moved += (st.points[0, k] - start[k]) ** 2
-        if most < ENOUGH and moved < 1e-8 and round_ >= 1:
+        if most < ENOUGH and moved < 1e-8:
             break
     return size
 
@@ -481,6 +498,22 @@ def turn_hinges(
             most = SWIVEL_PER_WAY * sqrt(way) + SWIVEL_RATE * dt
             st.extra[limb] = now + min(most, max(-most, st.extra[limb] - now))
         st.swivels[limb] = under.swivels[limb] + st.extra[limb]
+
+
+@kernel
+def advance_packed(
+    rig_ints: Index, rig_floats: Array, gains: Array, state: Array, held: Array, under: Array,
+    contact_ints: Index, contact_floats: Array, mass_share: float, dt: float, hull: Array, center: Array,
+    rotations_ls: Array, positions_ws: Array, rotations_ws: Array,
+) -> int:  # fmt: skip
+    """`advance` with every record packed into one or two arrays: handing over a hundred arrays takes longer
+    than the step itself."""
+    return advance(
+        unpack_rig(rig_ints, rig_floats), unpack_gains(gains), unpack_state(state), unpack_held(held),
+        unpack_under(under, rotations_ls.shape[0]),
+        unpack_contacts(contact_ints, contact_floats, rotations_ls.shape[0]), mass_share, dt, hull, center,
+        rotations_ls, positions_ws, rotations_ws,
+    )  # fmt: skip
 
 
 @kernel

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.pointpose import Base, rest_base
-from bunraku.figure.rig import Rig
+from bunraku.figure.jit import kernel
+from bunraku.figure.pointpose import Base
 
 Array = NDArray[np.float64]
 
@@ -109,28 +109,45 @@ class State(NamedTuple):
     step: Array  # (32,) see bunraku.nodes.controller.step
 
 
-_SHAPES = {
-    "points": (5, 3), "velocities": (5, 3), "turns": (2, 4), "spins": (2, 3), "swivels": (4,), "extra": (4,),
-    "extra_rates": (4,), "pushes": (4,), "feet": (2, 4), "feet_level": (2,), "planted": (2,), "drifts": (2, 3),
-    "support": (2,), "heading": (2,), "roots": (4, 3), "goals": (5, 3), "goal_turns": (2, 4), "held": (12,),
-    "targets": (5, 3), "aims": (5, 3),
-    "target_turns": (2, 4), "offsets": (5, 3), "offset_rates": (5, 3), "turn_offsets": (2, 3),
-    "turn_offset_rates": (2, 3), "pelvis_rest": (3,), "beyond": (4, 3), "lift": (2,),
-    "mode": (3,), "step": (32,),
-}  # fmt: skip
-STATE_SIZE = sum(int(np.prod(shape)) for shape in _SHAPES.values())
+STATE_SIZE = 261
+"""Numbers in a state."""
 
 
-def state_views(buffer: Array) -> State:
-    """The state that lies in a flat buffer of `STATE_SIZE` numbers."""
-    if buffer.shape != (STATE_SIZE,):
-        raise ValueError(f"a state has {STATE_SIZE} numbers, not {buffer.size}")
-    views, at = [], 0
-    for shape in _SHAPES.values():
-        size = int(np.prod(shape))
-        views.append(buffer[at : at + size].reshape(shape))
-        at += size
-    return State(*views)
+@kernel
+def unpack_state(b: Array) -> State:
+    """The state that lies in a flat buffer of `STATE_SIZE` numbers, as views."""
+    return State(
+        b[0:15].reshape(5, 3),
+        b[15:30].reshape(5, 3),
+        b[30:38].reshape(2, 4),
+        b[38:44].reshape(2, 3),
+        b[44:48],
+        b[48:52],
+        b[52:56],
+        b[56:60],
+        b[60:68].reshape(2, 4),
+        b[68:70],
+        b[70:72],
+        b[72:78].reshape(2, 3),
+        b[78:80],
+        b[80:82],
+        b[82:94].reshape(4, 3),
+        b[94:109].reshape(5, 3),
+        b[109:117].reshape(2, 4),
+        b[117:129],
+        b[129:144].reshape(5, 3),
+        b[144:159].reshape(5, 3),
+        b[159:167].reshape(2, 4),
+        b[167:182].reshape(5, 3),
+        b[182:197].reshape(5, 3),
+        b[197:203].reshape(2, 3),
+        b[203:209].reshape(2, 3),
+        b[209:212],
+        b[212:224].reshape(4, 3),
+        b[224:226],
+        b[226:229],
+        b[229:261],
+    )
 
 
 class Held(NamedTuple):
@@ -143,11 +160,14 @@ class Held(NamedTuple):
     hinges: Array  # (4, 3) m, held elbows and knees
 
 
-def nothing_held() -> Held:
-    """Held by nobody."""
-    turns = np.zeros((2, 4))
-    turns[:, 3] = 1.0
-    return Held(np.zeros(12), np.zeros((5, 3)), turns, np.zeros(1), np.zeros((4, 3)))
+HELD_SIZE = 48
+"""Numbers in a `Held`."""
+
+
+@kernel
+def unpack_held(b: Array) -> Held:
+    """What is held, as views of a buffer of `HELD_SIZE` numbers."""
+    return Held(b[0:12], b[12:27].reshape(5, 3), b[27:35].reshape(2, 4), b[35:36], b[36:48].reshape(4, 3))
 
 
 class Under(NamedTuple):
@@ -163,10 +183,53 @@ class Under(NamedTuple):
     roots: Array  # (4, 3) m, where its limbs hang
 
 
-def rest_under(rig: Rig) -> Under:
-    """No motion: the figure stands by itself."""
-    turns = np.zeros((2, 4))
-    turns[:, 3] = 1.0
-    return Under(
-        np.zeros(1), rest_base(rig), np.zeros((5, 3)), turns, np.zeros(4), turns.copy(), np.ones(2), np.zeros((4, 3))
+def under_size(joints: int) -> int:
+    """Numbers in an `Under` of so many joints."""
+    return 86 + 8 * joints
+
+
+@kernel
+def unpack_under(b: Array, joints: int) -> Under:
+    """What the stack is laid over, as views of a buffer of `under_size` numbers."""
+    k = 86
+    base = Base(
+        b[k : k + 4 * joints].reshape(joints, 4), b[k + 4 * joints : k + 8 * joints].reshape(joints, 4),
+        b[50:82].reshape(4, 2, 4), b[82:86],
     )  # fmt: skip
+    return Under(
+        b[0:1], base, b[1:16].reshape(5, 3), b[16:24].reshape(2, 4), b[24:28], b[28:36].reshape(2, 4), b[36:38],
+        b[38:50].reshape(4, 3),
+    )  # fmt: skip
+
+
+@kernel
+def unpack_gains(b: Array) -> Gains:
+    """The gains that lie in an array in the order of their fields."""
+    return Gains(
+        b[0],
+        b[1],
+        b[2],
+        b[3],
+        b[4],
+        b[5],
+        b[6],
+        b[7],
+        b[8],
+        b[9],
+        b[10],
+        b[11],
+        b[12],
+        b[13],
+        b[14],
+        b[15],
+        b[16],
+        b[17],
+        b[18],
+        b[19],
+        b[20],
+        b[21],
+        b[22],
+        b[23],
+        b[24],
+        b[25],
+    )
