@@ -161,6 +161,7 @@ class PelvisGrab:
         self.since = 0.0
         self.repeated = False
         self.ease = np.zeros(3)
+        self.standing: list[int] = []
         self.twist: tuple[float, float] | None = None  # the fingers' angle and the heading at its start
         self.kept = np.zeros(3)  # where the pelvis stays against the feet while it is twisted
         self.angle = 0.0
@@ -213,6 +214,11 @@ class PelvisGrab:
             self.repeated = True
             self.ease = scene.positions[0] - self._allowed(scene, wanted, held_feet)[0]
         inside, beyond = self._allowed(scene, wanted, held_feet)
+        standing = self._standing(scene, held_feet)
+        if standing != self.standing and self.value is not None:
+            # Another foot carries it: what is allowed now may be elsewhere, and is gone to, not jumped to.
+            self.ease = np.array(self.value) - inside
+        self.standing = standing
         if beyond:
             goal = self._step_goal(scene, ray, offset)
             if goal is not None:
@@ -238,7 +244,7 @@ class PelvisGrab:
     def _allowed(self, scene: Scene, wanted: Array, held_feet: tuple[bool, bool]) -> tuple[Array, bool]:
         """The nearest place (3) that feet and legs allow, and whether the wish is so far off that it is a step."""
         rules, rig = self.rules, scene.rig
-        standing = [side for side in range(2) if scene.planted[side] and not held_feet[side]]
+        standing = self._standing(scene, held_feet)
         if not standing:
             return wanted, False
         soles, corner = [], np.empty(3)
@@ -265,7 +271,16 @@ class PelvisGrab:
         y = min(high, max(low, float(wanted[1])))
         beyond = out > rules.step_margin or abs(float(wanted[1]) - y) > rules.step_rise
         # A step needs both feet: one that a finger holds, or that is in the air, rules it out.
-        return np.array([x, y, z]), beyond and len(standing) == 2
+        return np.array([x, y, z]), beyond and len(standing) == 2 and all(scene.planted)
+
+    def _standing(self, scene: Scene, held_feet: tuple[bool, bool]) -> list[int]:
+        """The feet that may carry the pelvis: those that stand, and free ones that are about to."""
+        feet = []
+        for side in range(2):
+            height = float(scene.positions[int(scene.rig.limbs[2 + side, 2]), 1] - scene.rig.ankle_heights[side])
+            if not held_feet[side] and (scene.planted[side] or height < self.rules.landing):
+                feet.append(side)
+        return feet
 
     def _step_goal(self, scene: Scene, ray: Ray, offset: Array) -> Array | None:
         """Where a step goes, (x, z): the view ray on the level of the pelvis, at a step's length (5.3)."""

@@ -10,8 +10,9 @@ from bunraku.figure.camera import Orbit
 from bunraku.figure.default import default_figure
 from bunraku.figure.skeleton import SkeletonError
 from bunraku.figure.wire import from_message
-from bunraku.msgs import Camera, Command, Device, Overlay, Pen, Pose, SkeletonMessage, Target, Touch
+from bunraku.msgs import Camera, Command, Device, Overlay, Pad, Pen, Pose, SkeletonMessage, Target, Touch
 from bunraku.nodes.interpreter.core import Core, Meaning, Scene
+from bunraku.nodes.interpreter.pad import PadCore
 from bunraku.nodes.interpreter.pen import PenCore
 from bunraku.nodes.interpreter.pen_rules import PenRules
 from bunraku.nodes.interpreter.touch import TouchCore
@@ -91,6 +92,7 @@ class Interpreter(Node):
         rules = PenRules(scale=self.pen_scale)
         self.pens = {play: PenCore(rules, surface=play, early=self.pen_early) for play in PEN_PLAYS}
         self.cores.update(self.pens)
+        self.cores["pad"] = PadCore()
         self.plays = Plays.parse(self.touch_plays, TOUCH_PLAYS, "touch_plays")
         self.pen_rules = Plays.parse(self.pen_plays, PEN_PLAYS, "pen_plays")
         self.scene = Scene.of(default_figure(), self.viewer.camera())
@@ -129,7 +131,7 @@ class Interpreter(Node):
         for core in self.cores.values():
             if isinstance(core, TouchCore):
                 core.let_go(self.scene)
-            elif isinstance(core, PenCore):
+            elif isinstance(core, PenCore | PadCore):
                 core.lose(core.device, self.scene)
         self.viewer.reset()
         self._say()
@@ -174,6 +176,13 @@ class Interpreter(Node):
         play = self.pen_rules.of(msg.device)
         if play is not None:
             self.cores[play].hear(msg, self.scene)
+        self._say()
+
+    @subscribe("pad", Pad)
+    def on_pad(self, msg: Pad) -> None:
+        """A sample of a gamepad."""
+        self._see()
+        self.cores["pad"].hear(msg, self.scene)
         self._say()
 
     @subscribe("device/*", Device)

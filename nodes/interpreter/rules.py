@@ -65,6 +65,8 @@ class TouchRules:
     """m inside the support polygon's edge that a dragged pelvis stays."""
     duck: float = 0.5
     """Least height of the pelvis, share of its height at rest (5.3, minimum duck height)."""
+    landing: float = 0.08
+    """m above the ground up to which a free foot counts as about to stand."""
     stretch: float = 0.998
     """Share of a leg's length that a dragged pelvis may stretch it to."""
     settle: float = 0.12

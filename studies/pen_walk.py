@@ -1,0 +1,258 @@
+"""How a figure walks under a pen, in numbers: the tables of docs/pen.md.
+
+    python studies/pen_walk.py [--seconds 60]
+
+A simulated pen draws a smooth random line, at speeds that change between a stroll and a run, on a large tablet
+and on one 15 cm wide, where it is lifted at the edge and set down again on the other side. Interpreter and blender
+run on a stage in memory at their own rates. Besides: how long after the pen's samples each motion begins, and how
+often an early start is wrong.
+"""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from blending import along, drift, recorded, velocity_steps
+from numpy.typing import NDArray
+
+from bunraku.msgs import Jump, Locomotion, Pen, Step
+from bunraku.nodes.blender.node import Blender
+from bunraku.nodes.interpreter.node import Interpreter
+from bunraku.nodes.interpreter.pen_rules import PenRules
+from bunraku.runtime.memory import MemoryStage
+
+Array = NDArray[np.float64]
+FPS, RATE, RULES = 60.0, 120.0, PenRules()
+
+
+class Stage:
+    """Interpreter and blender; the camera looks along +Z, so that pen right is -X and pen up +Z."""
+
+    def __init__(self, size: tuple[float, float], early: bool = False) -> None:
+        self.stage = MemoryStage()
+        self.stage.add(Interpreter, azimuth=pi - 1e-9, elevation=0.5, distance=6.5, pen_early=early)
+        self.blender = self.stage.add(Blender, skeleton=True, remap={"motion": "pose"}, show_overlay=False)
+        self.size = size
+        self.frames: list[tuple[Array, ...]] = []
+        self.time = 0.0
+        self.wait(0.5)
+
+    def send(self, at: tuple[float, float], *, contact: bool = True, pressure: float = 0.3) -> None:
+        """The pen at (right, up) m of the ground from the tablet's middle."""
+        x, y = 0.5 + at[0] / (self.size[0] * RULES.scale), 0.5 - at[1] / (self.size[1] * RULES.scale)
+        pen = Pen(device="pen", size_m=self.size, in_range=True, contact=contact, x=x, y=y,
+                  pressure=pressure if contact else 0.0)  # fmt: skip
+        self.stage.publish("pen", pen)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, keeping what is measured of each of the blender's frames."""
+        end = self.time + seconds
+        while self.time < end - 1e-9:
+            part = min(1.0 / (2.0 * RATE), end - self.time)
+            before = self.blender.before
+            self.stage.advance(part)
+            self.time += part
+            if self.blender.before != before:
+                player = self.blender.core.player
+                here = np.array([player.place.x, player.place.z, player.place.heading])
+                state = player.state
+                self.frames.append((player.root.copy(), player.rotations.copy(), state.mode.copy(),
+                                    state.prints.copy(), here, np.array([player.beyond, self.time])))  # fmt: skip
+
+
+def drawn(seconds: float, size: tuple[float, float], seed: int) -> Iterator[tuple[bool, tuple[float, float], float]]:
+    """(contact, place on the tablet, pen speed m/s) at `RATE`: a wandering line that keeps off the edge, or, on a
+    tablet less than 20 cm wide, is lifted there and set down on the other side."""
+    random = np.random.default_rng(seed)
+    half = 0.5 * np.array(size) * RULES.scale - 0.15
+    small = size[0] < 0.2
+    at, heading, turn, speed, wanted = np.zeros(2), 0.0, 0.0, 1.2, 1.2
+    t = 0.0
+    while t < seconds:
+        dt = 1.0 / RATE
+        if random.random() < 0.4 * dt:
+            wanted = float(random.uniform(0.6, 2.6))
+        speed += (wanted - speed) * dt / 0.6
+        turn += (-turn * 1.5 + float(random.normal(0.0, 1.2)) / np.sqrt(dt) * 0.35) * dt * 2.0
+        if not small:
+            # Back toward the middle from near the edge.
+            near = float(np.max(np.abs(at) / half))
+            if near > 0.6:
+                back = np.arctan2(-at[0], -at[1])
+                off = float((back - heading + pi) % (2 * pi) - pi)
+                turn += np.sign(off) * 6.0 * (near - 0.6) * dt * 8.0
+        turn = float(np.clip(turn, -1.4, 1.4))
+        heading += turn * dt
+        at = at + speed * dt * np.array([np.sin(heading), np.cos(heading)])
+        if (np.abs(at) > half).any():
+            at = np.clip(at, -half, half)
+            if small:
+                yield False, (float(at[0]), float(at[1])), 0.0
+                t += 0.35
+                yield False, (0.0, 0.0), 0.35  # lifted and carried
+                at = -np.sign(at) * (np.abs(at) > half - 1e-6) * (half - 0.05) + at * (np.abs(at) <= half - 1e-6)
+            else:
+                heading += 0.3
+        yield True, (float(at[0]), float(at[1])), speed
+        t += dt
+
+
+@dataclass(frozen=True)
+class Quality:
+    """A walk in numbers: m, m/s, degrees/s."""
+
+    length: float
+    resets: int
+    path_rms: float
+    path_most: float
+    drift: float
+    beyond: float
+    step_most: float
+    step_usual: float
+    speed_error: float
+
+
+def free_walk(seconds: float, size: tuple[float, float], seed: int) -> Quality:
+    """Draw for so long; measure the figure against the whole line that was drawn."""
+    stage = Stage(size)
+    ground: list[tuple[float, float]] = []
+    offset, down, last, resets = np.zeros(2), False, (0.0, 0.0), 0
+    for contact, at, value in drawn(seconds, size, seed):
+        if not contact:
+            if value:
+                stage.wait(value)
+                resets += 1
+            else:
+                stage.send(at, contact=False)
+            down = False
+            continue
+        if not down:
+            offset = np.array(ground[-1] if ground else (0.0, 0.0)) - np.array(at)
+            down = True
+        stage.send(at)
+        stage.wait(1.0 / RATE)
+        last = at
+        ground.append((float(offset[0] + at[0]), float(offset[1] + at[1])))
+    stage.send(last, contact=False)
+    stage.wait(4.0)
+    player = stage.blender.core.player
+    line = np.array(ground[::6]) * np.array([-1.0, 1.0])
+    clip = recorded(player, stage.frames)
+    here = np.array([one[4][:2] for one in stage.frames])
+    off = along(here, line)
+    steps = velocity_steps(clip)
+    asked = float(np.hypot(*np.diff(line, axis=0).T).sum())
+    walked = float(np.hypot(*np.diff(here, axis=0).T).sum())
+    return Quality(
+        length=asked, resets=resets, path_rms=float(np.sqrt((off**2).mean())), path_most=float(off.max()),
+        drift=drift(player, clip, stage.frames), beyond=max(float(one[5][0]) for one in stage.frames),
+        step_most=float(steps.max()), step_usual=float(np.quantile(steps.max(axis=1), 0.9)),
+        speed_error=abs(walked - asked) / asked,
+    )  # fmt: skip
+
+
+def first_motion(stage: Stage, since: float) -> float:
+    """s from ``since`` until the hips have left where they were by 1 cm."""
+    times = np.array([one[5][1] for one in stage.frames])
+    roots = np.array([one[0] for one in stage.frames])
+    rest = roots[times <= since][-1]
+    gone = np.linalg.norm(roots - rest, axis=1) > 0.01
+    late = times[gone & (times > since)]
+    return float(late[0] - since) if len(late) else float("nan")
+
+
+def latency(kind: str, early: bool, phase: float) -> tuple[float, float, float]:
+    """s from the stroke's first sample to its command, from its last one, and from the command to motion."""
+    stage = Stage((0.4, 0.4), early)
+    stage.wait(0.5 + phase)
+    begun = stage.time
+    heard = len(stage.stage.received("command"))
+    said = float("nan")
+    ended = float("nan")
+
+    def send(at: tuple[float, float], **more: bool) -> None:
+        nonlocal said
+        stage.send(at, **more)
+        note()
+
+    def note() -> None:
+        nonlocal said
+        if said != said and any(
+            isinstance(one, Step | Jump | Locomotion) for one in stage.stage.received("command")[heard:]
+        ):
+            said = stage.time
+
+    if kind == "jump":
+        send((0.0, 0.0))
+        stage.wait(0.1)
+        begun = stage.time
+        send((0.0, 0.0), contact=False)
+        stage.wait(0.15)
+        ended = stage.time
+        send((0.0, 0.6))
+    else:
+        length, seconds = (0.45, 0.3) if kind == "step" else (2.0, 1.4)
+        for k in range(round(seconds * RATE) + 1):
+            send((0.0, length * k / round(seconds * RATE)))
+            stage.wait(1.0 / RATE)
+            note()
+        ended = stage.time
+        send((0.0, length), contact=False)
+    for _ in range(240):
+        stage.wait(1.0 / RATE)
+        note()
+    return said - begun, said - ended, first_motion(stage, said)
+
+
+def early_errors(count: int = 200, seed: int = 5) -> tuple[int, int]:
+    """Of random short strokes: how many an early start takes for a walk, and how many of them there were."""
+    from bunraku.nodes.interpreter.pen_stroke import PenTrack, Sample
+
+    random = np.random.default_rng(seed)
+    wrong = 0
+    for _ in range(count):
+        track = PenTrack(RULES)
+        length, seconds = random.uniform(0.2, 0.7), random.uniform(0.15, 0.6)
+        frames = max(2, round(seconds * RATE))
+        early = False
+        for k in range(frames + 1):
+            s = k / frames
+            place = (0.0, length * s * s * (3 - 2 * s))
+            for event in track.hear(Sample(10.0 + k / RATE, place, True)):
+                stroke = track.stroke
+                fast = stroke.fast_since is not None and track.moved_at - stroke.fast_since >= RULES.early_time
+                early = early or (event.kind == "moving" and fast and stroke.reach >= RULES.early_step)
+        wrong += early
+    return wrong, count
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=60.0, help="of the free walk (default 60)")
+    parser.add_argument("--seeds", type=int, default=2, help="walks on each tablet (default 2)")
+    args = parser.parse_args()
+    print("| tablet | seed | path m | resets | off the path, rms / most mm | foot drift mm | beyond reach mm |"
+          " velocity step, 90 % / most °/s | length walked |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name, size in (("40 x 40 cm", (0.4, 0.4)), ("15 x 9.4 cm", (0.15, 0.094))):
+        for seed in range(args.seeds):
+            q = free_walk(args.seconds, size, seed)
+            print(f"| {name} | {seed} | {q.length:.1f} | {q.resets} | {1e3 * q.path_rms:.0f} / {1e3 * q.path_most:.0f} "
+                  f"| {1e3 * q.drift:.2f} | {1e3 * q.beyond:.1f} | {q.step_usual:.0f} / {q.step_most:.0f} "
+                  f"| {100 * (1 - q.speed_error):.1f} % |", flush=True)  # fmt: skip
+    print("\n| motion | first sample to command ms | last sample to command ms | command to motion ms |")
+    print("|---|---|---|---|")
+    for kind, early in (("step", False), ("walk", False), ("walk", True), ("jump", False)):
+        rows = np.array([latency(kind, early, phase) for phase in np.arange(4) / (4 * FPS)]) * 1e3
+        a, b, c = np.median(rows, axis=0)
+        last = f"{b:.0f}" if b > 0.0 else "before its end"
+        print(f"| {kind}{', early start' if early else ''} | {a:.0f} | {last} | {c:.0f} |", flush=True)
+    wrong, count = early_errors()
+    print(f"\nearly start: {wrong} of {count} random strokes of a step's length taken for a walk")
+
+
+if __name__ == "__main__":
+    main()
