@@ -273,8 +273,9 @@ class BlenderCore:
     def _ended(self) -> None:
         walk = self.walk
         if walk is not None:
-            if self.player.path is not None:
+            if self.player.path is not None and not self.player.ending:
                 return  # waits for its path to grow
+            self.player.path = None
             self.walk, self.current = None, None
             if walk.id != DRIVEN:
                 self._finish(walk.id)

@@ -280,6 +280,8 @@ class PenCore:
             return
         walk.place = locate(walk.points, self._figure(scene), walk.place)
         if walk.complete and walk.left <= 0.12:
+            if self._changed:  # the last word of a path that the figure has caught up with
+                self._queue.append(self._locomotion(walk))
             self.walk = None
             self._said = None
         elif walk.place - self.rules.behind > 4.0 * self.rules.behind:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
-from bunraku.msgs import Pen
+from bunraku.msgs import Locomotion, PathPoint, Pen
 from bunraku.nodes.blender.node import Blender
 from bunraku.nodes.interpreter.node import Interpreter
 from bunraku.nodes.interpreter.pen_rules import PenRules
@@ -148,6 +148,33 @@ def test_catches_up_slows_and_waits_for_the_pen_and_goes_on() -> None:
     play.wait(3.0)
     assert play.hips()[-1, 2] == pytest.approx(3.2, abs=0.08)
     assert np.diff(play.hips()[:, 2]).min() > -0.004, "never backwards"
+
+
+def test_a_path_that_was_caught_up_with_ends_and_the_next_one_is_walked() -> None:
+    play = Play()
+    play.at = (0.0, -2.9)
+    play.move((0.0, 1.6), 2.0)
+    play.move((0.0, 0.03), 0.8)  # crawls until the figure is there
+    play.lift()
+    play.wait(1.5)
+    assert play.interpreter.cores["tablet"].walk is None
+    assert play.blender.core.walk is None
+    play.move((0.0, 1.5), 1.5)
+    play.lift()
+    play.wait(2.5)
+    assert play.kinds() == ["Locomotion", "Locomotion"]
+    assert play.hips()[-1, 2] == pytest.approx(3.13, abs=0.08)
+
+
+def test_what_comes_while_the_figure_waits_for_a_growing_path_is_done() -> None:
+    play = Play()
+    path = [PathPoint(x=0.0, z=0.1 * k, speed=1.2) for k in range(16)]
+    play.stage.publish("command", Locomotion(id=7, path=path))  # its end is never said
+    play.wait(3.0)
+    further = [PathPoint(x=0.0, z=1.5 + 0.1 * k, speed=1.2) for k in range(11)]
+    play.stage.publish("command", Locomotion(id=8, path=further, complete=True))
+    play.wait(3.0)
+    assert play.hips()[-1, 2] == pytest.approx(2.5, abs=0.06)
 
 
 def test_slows_when_it_catches_up_with_a_pen_that_slows() -> None:
