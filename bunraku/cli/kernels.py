@@ -19,18 +19,19 @@ MOMENT = 0.2
 """s of stage time that each node runs."""
 
 
-def folder() -> Path:
-    """Where the compiled kernels are kept."""
+def folder(name: str = "motion") -> Path:
+    """Where the compiled kernels of a folder of the package are kept."""
     from bunraku.figure.jit import cache_folder
 
-    return Path(os.environ.get("NUMBA_CACHE_DIR") or cache_folder())
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or cache_folder(name))
 
 
 def mark(node: str) -> Path:
     """The file that says that a node's kernels are compiled ('module:Class')."""
+    package = node.partition(":")[0].split(".")
     # numba keeps the kernels of two installations of the same sources apart
     place = hashlib.sha256(os.fsencode(Path(__file__).absolute())).hexdigest()[:8]
-    return folder() / f"{MARK}-{node.replace(':', '.')}-{place}"
+    return folder(package[-2] if len(package) > 1 else "motion") / f"{MARK}-{node.replace(':', '.')}-{place}"
 
 
 def missing(nodes: Sequence[str]) -> list[str]:

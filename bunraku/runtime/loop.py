@@ -24,8 +24,8 @@ from bunraku.runtime.zmqstage import ZmqStage
 
 LAUNCHER_FD = "BUNRAKU_LAUNCHER_FD"
 """Environment: the read end of a pipe whose end of file means that the launcher is gone."""
-RECORDER_PATIENCE = 2.0
-"""s."""
+RECORDER_PATIENCE = (20.0, 1.0)
+"""s that a node waits for a recorder when it begins, and when it takes up after a crash."""
 SLOW = 5_000_000_000
 """ns between two full reports of an error that repeats."""
 
@@ -86,9 +86,9 @@ def _run(
             stage.on_error = errors
             stage.on_step = lambda: state.write(node.save())
             _watch_launcher(stage)
-            _await_recorders(stage, node)
+            before = state.read()
+            _await_recorders(stage, node, RECORDER_PATIENCE[before is not None])
             try:
-                before = state.read()
                 node.start(before)
                 socket = _open_control(stage, node, control, errors)  # that it is there says: set up
                 if before is not None:
@@ -219,13 +219,13 @@ def _watch_launcher(stage: ZmqStage) -> None:
     stage.watch(descriptor, notice)
 
 
-def _await_recorders(stage: ZmqStage, node: Node) -> None:
+def _await_recorders(stage: ZmqStage, node: Node, seconds: float) -> None:
     try:
         recorders = json.loads(os.environ.get(RECORDERS) or "{}")
     except ValueError:
         return
     recorders.pop(node.full_name, None)
-    if recorders and not stage.await_ears(recorders, RECORDER_PATIENCE) and stage.status is None:
+    if recorders and not stage.await_ears(recorders, seconds) and stage.status is None:
         node.log.warning("begins before %s: its first messages are not recorded", ", ".join(recorders))
 
 
