@@ -1,13 +1,15 @@
 """The compiled kernels: whether they are there, and compiling them once for all.
 
 ``python -m bunraku.cli.kernels module:Class ...`` runs each node for a moment on an in-memory stage, so that
-exactly what it calls is compiled, with the types that it calls it with, into the cache on disk.
+exactly what it calls is compiled, with the types that it calls it with, into the cache on disk. It ends early when
+its standard input does.
 """
 
 import hashlib
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -69,17 +71,31 @@ def compile_missing(nodes: Sequence[str]) -> None:
     if not cold:
         return
     print("compiling the kernels, once (some tens of seconds)", file=sys.stderr, flush=True)
-    done = subprocess.run(
+    with subprocess.Popen(
         [sys.executable, "-m", "bunraku.cli.kernels", *cold],
         env={**os.environ, "BUNRAKU_JIT": "1"},
-        stdin=subprocess.DEVNULL,
+        stdin=subprocess.PIPE,  # held open: its end tells the compiler that nobody waits any more
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        check=False,
-    )
-    if done.returncode:
-        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        start_new_session=True,
+    ) as process:
+        try:
+            assert process.stderr is not None
+            said = process.stderr.read().decode(errors="replace")
+            process.wait()
+        except BaseException:
+            process.kill()
+            raise
+    if process.returncode:
+        last = said.strip().rpartition("\n")[2]
         raise Problem(f"compiling the kernels failed: {last}; bunraku doctor looks at the cache")
+
+
+def _end_with_the_caller() -> None:
+    """Leave when standard input ends: whoever asked is gone, however it went."""
+    while os.read(0, 1):
+        pass
+    os._exit(1)
 
 
 def _samples() -> list[tuple[str, Any]]:
@@ -114,5 +130,6 @@ def _samples() -> list[tuple[str, Any]]:
 
 
 if __name__ == "__main__":
+    threading.Thread(target=_end_with_the_caller, daemon=True).start()
     for name in sys.argv[1:]:
         warm(name)

@@ -9,6 +9,7 @@ bunraku launch touch --replay show.mcap --replace input_touch
 import argparse
 import contextlib
 import os
+import signal
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -151,6 +152,8 @@ def start(planned: "Sequence[Planned]", folder: Path, name: str, *, jit: bool = 
         for topic in one.says:
             endpoint(file_of(folder, topic))
     make_run_folder(folder)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.default_int_handler)  # until the supervisor listens
     try:
         lock = graph.StageLock(folder)
     except graph.StageTaken as error:

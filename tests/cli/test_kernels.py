@@ -1,5 +1,8 @@
 """Kernels are compiled once, before a stack starts, and that is remembered."""
 
+import os
+import select
+import signal
 from pathlib import Path
 
 import pytest
@@ -40,3 +43,45 @@ def test_the_environment_can_forbid_it(monkeypatch):
     assert kernels.compiling()
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     assert not kernels.compiling()
+
+
+@pytest.mark.stack
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_launch_that_ends_while_kernels_compile_takes_the_compiler_along(tmp_path, monkeypatch, start, number):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.delenv("BUNRAKU_JIT")
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("held")
+    Path("slow.py").write_text(SLOW)
+    Path("play.py").write_text(PLAY)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    one = start("launch", "play.py")
+    with open("held") as held:
+        compiler = int(held.readline())
+        watched = os.pidfd_open(compiler)
+        one.process.send_signal(number)
+        assert select.select([watched], [], [], 30.0)[0], "the compiler outlived the launch"
+    os.close(watched)
+    assert one.end() == (-number if number == signal.SIGKILL else 130)
+    assert "Traceback" not in one.text
+
+
+SLOW = """
+import os, time
+from bunraku.runtime.node import Node
+
+class Slow(Node):
+    name = "slow"
+    jit = True
+
+    def setup(self):
+        self.held = open("held", "w")
+        print(os.getpid(), file=self.held, flush=True)
+        time.sleep(1000)
+"""
+PLAY = """
+from bunraku.runtime.launch import NodeSpec, node
+
+def launch() -> list[NodeSpec]:
+    return [node("slow:Slow", name="slow")]
+"""
