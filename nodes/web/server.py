@@ -190,6 +190,11 @@ class PageServer:
         server.close(code=1001, reason="the stage is closing")
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(server.wait_closed(), LAST_WORDS)
+        left = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in left:
+            task.cancel()
+        if left:
+            await asyncio.wait(left, timeout=LAST_WORDS)
         self._loop.stop()
 
     def _end(self) -> None:
