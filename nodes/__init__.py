@@ -5,6 +5,7 @@ NODES: dict[str, str] = {
     "bridge": "bunraku.nodes.bridge.node:Bridge",
     "controller": "bunraku.nodes.controller.node:Controller",
     "input_hand": "bunraku.nodes.input_hand.node:InputHand",
+    "input_pad": "bunraku.nodes.input_pad.node:InputPad",
     "input_pen": "bunraku.nodes.input_pen.node:InputPen",
     "input_touch": "bunraku.nodes.input_touch.node:InputTouch",
     "interpreter": "bunraku.nodes.interpreter.node:Interpreter",

@@ -248,7 +248,7 @@ def main() -> None:
     for kind, early in (("step", False), ("walk", False), ("walk", True), ("jump", False)):
         rows = np.array([latency(kind, early, phase) for phase in np.arange(4) / (4 * FPS)]) * 1e3
         a, b, c = np.median(rows, axis=0)
-        last = f"{b:.0f}" if b > 0.0 else "before its end"
+        last = f"{b:.0f}" if b > -1.0 else "before its end"
         print(f"| {kind}{', early start' if early else ''} | {a:.0f} | {last} | {c:.0f} |", flush=True)
     wrong, count = early_errors()
     print(f"\nearly start: {wrong} of {count} random strokes of a step's length taken for a walk")

@@ -29,7 +29,7 @@ class PadRules:
     ahead: float = 0.8  # s of path laid out before the figure
     lead: float = 0.10  # s of path that is not changed any more
     spacing: float = 0.05  # m
-    longest_step: float = 0.70  # m at the full tilt
+    longest_step: float = 0.60  # m at the full tilt: one step in every direction
     longest_jump: float = 1.2  # m
     jump_high: float = 0.35  # m
     lean: float = 0.70  # rad at the full tilt

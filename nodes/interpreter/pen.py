@@ -377,7 +377,8 @@ class PenCore:
             line: list[tuple[float, ...]] = [(one.place[0], FLOOR, one.place[1]) for one in keep]
             shown.append(Primitive(kind="line", points=line, color=PATH_COLOR, size=0.02))
         if self.track.jumping(scene.now):
-            x, z = self.track.end
+            stroke = self.track.stroke.points
+            x, z = self.track.end if self.track.stopped or not stroke else stroke[-1].place
             shown.append(
                 Primitive(
                     kind="circle", points=[(x, FLOOR, z)], color=RANGE_COLOR, size=self.rules.jump_same, label="jump"
@@ -388,7 +389,7 @@ class PenCore:
                 s, c = _sin_cos(2.0 * np.pi * k / 48)
                 reach = jump_range((s, c), self.track.heading, self.rules)
                 edge.append((x + reach * s, FLOOR, z + reach * c))
-            shown.append(Primitive(kind="line", points=edge, color=RANGE_COLOR, size=0.02, label="jump"))
+            shown.append(Primitive(kind="line", points=edge, color=RANGE_COLOR, size=0.02))
         cursor = self.track.cursor
         if cursor is not None and self._near:
             shown.append(

@@ -1,0 +1,1 @@
+"""Gamepads: the page, the kernel or a written performance becomes `pad`."""

@@ -1,0 +1,40 @@
+"""The `web` driver: gamepads at the page, from the browsers' raw events."""
+
+from bunraku.msgs import Event
+from bunraku.runtime.driver import Driver
+
+
+class WebDriver(Driver):
+    """Reads topic ``web/events``; each page is a gamepad of its own."""
+
+    name = "web"
+
+    def open(self) -> None:
+        self.seen: dict[str, tuple[int, int, int]] = {}
+        """Page -> when it came last, and how many axes and buttons it has."""
+        self.host.listen("web/events", Event, self.on_event)
+
+    def on_event(self, event: Event) -> None:
+        """A sample, or the end of a page."""
+        now = event.origin or self.host.clock()
+        if event.kind == "gone":
+            self.leave(event.device, now, "the page was closed")
+        elif event.kind == "pad" and self.host.connected(
+            event.device, driver="web", fields=["axes", "buttons"], rate=60.0
+        ):
+            self.seen[event.device] = (now, len(event.axes), len(event.buttons))
+            self.host.say(event.device, event.axes, event.buttons, now)
+
+    def leave(self, device: str, now: int, note: str) -> None:
+        """A gamepad is there no more: its sticks and buttons are at rest, said once."""
+        held = self.seen.pop(device, None)
+        if held is not None:
+            self.host.say(device, [0.0] * held[1], [False] * held[2], now)
+            self.host.gone(device, note)
+
+    def keep(self, now: int) -> None:
+        """A page tells its gamepad four times a second: silence means that nobody holds it."""
+        limit = round(self.host.option("lost") * 1e9)
+        for device, (at, _, _) in list(self.seen.items()):
+            if now - at > limit:
+                self.leave(device, now, "the page is silent")
