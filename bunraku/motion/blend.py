@@ -159,7 +159,7 @@ def taps(table: BlendTable, u: float, index: NDArray[np.int64], share: Array) ->
     share[1] = 0.5 * (3.0 * t3 - 5.0 * t2 + 2.0)
     share[2] = 0.5 * (-3.0 * t3 + 4.0 * t2 + t)
     share[3] = 0.5 * (t3 - t2)
-    return t
+    return t  # type: ignore[no-any-return]
 
 
 @kernel

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bunraku.figure.fk import fk_into
 from bunraku.figure.jit import kernel
+from bunraku.figure.limb import soft_reach
 from bunraku.figure.quat import exp as quat_exp
 from bunraku.figure.quat import from_axis_angle, log, mul, mul_inv, rotate, slerp
 from bunraku.figure.skeleton import Index, Skeleton
@@ -23,6 +24,9 @@ from bunraku.motion.ground import roll, sole_of
 from bunraku.motion.leg import move_leg
 
 Array = NDArray[np.float64]
+
+FREE_REACH, SOFT_FROM = 0.9985, 0.975
+"""Shares of a leg: how straight a free one may be, and from where on it gets there softly."""
 
 FREE, LOCKED, SETTLING, BARRED = 0, 1, 2, 3
 """Modes of a foot; a barred one was torn from its print and stays free until its contact ends."""
@@ -39,7 +43,7 @@ class LockLimits:
     settle_turn: float = 0.22  # rad, likewise
     settle_time: float = 0.30  # s, of a settling step, and 0.4 s a metre
     settle_lift: float = 0.035  # m
-    reach: float = 0.9985  # of the leg
+    reach: float = 0.995  # of the leg, locked
     rise: float = 0.15  # s, half-life of the pelvis's way back up
     ground: float = 0.05  # s, half-life of a swinging foot's following of the ground's height
 
@@ -349,8 +353,19 @@ def plant_into(
     flat, bent, toes_ls = np.empty(4), np.empty(2), np.empty(4)
     for side in range(2):
         upper, lower = feet.lengths[side, 0], feet.lengths[side, 1]
-        # A free leg may be as straight as the blended motion has it.
         most = feet.limits[7] * (upper + lower)
+        if state.mode[side] != LOCKED:
+            # A free leg may be as straight as the blended motion has it; what is farther off it nears softly.
+            most = FREE_REACH * (upper + lower)
+            hip, foot = feet.joints[side, 0], feet.joints[side, 2]
+            own, far = 0.0, 0.0
+            for k in range(3):
+                own += (positions_ws[foot, k] - positions_ws[hip, k]) ** 2
+                far += (goals[side, k] - positions_ws[hip, k]) ** 2
+            own, far = min(sqrt(own), most - 1e-3), max(sqrt(far), 1e-9)
+            near = soft_reach(far, most, 0.0, max(own / most, SOFT_FROM))
+            for k in range(3):
+                goals[side, k] = positions_ws[hip, k] + (goals[side, k] - positions_ws[hip, k]) * near / far
         over = move_leg(
             parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goals[side], turns[side],
             upper, lower, most,

@@ -15,7 +15,7 @@ Index = NDArray[np.int64]
 
 @kernel
 def unit_square(axis: Array, v: Array) -> float:
-    """Make ``v`` square to the unit ``axis`` and of unit length, in place; returns the length it had (0: unusable)."""
+    """Make ``v`` square to the unit ``axis`` and of unit length, in place; returns its length before."""
     d = axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]
     n = 0.0
     for k in range(3):

@@ -1,7 +1,7 @@
 """Parameters of motion modules: their measured values, and the space in which they are blended.
 
-A way gone is given as ``angle`` and ``distance``, but blended as the vector it is: weights reproduce linear functions of
-the blending space exactly, so between two examples lies the way between theirs, and none is cut short.
+A way gone is given as ``angle`` and ``distance``, but blended as the vector it is: weights reproduce linear
+functions of the blending space exactly, so between two examples lies the way between theirs, none cut short.
 """
 
 from collections.abc import Sequence

@@ -6,10 +6,10 @@ pelvis bobs, sways, turns and lists; chest and arms swing against it.
 
 Sources: Boulic, Magnenat-Thalmann, Thalmann 1990 (cycle length and support time against speed, pelvis and
 trunk amplitudes, after Inman and Murray); Winter 1991, The Biomechanics and Motor Control of Human Gait
-(sagittal angles of hip, knee and foot over the cycle); Orendurff et al. 2004, J. Rehab. Res. Dev. 41(6) (excursion of the
-body's centre up and down and to the sides against speed); Murray, Sepic, Barnard 1967, Phys. Ther. 47
-(arm swing); Novacheck 1998, Gait and Posture 7 (running: stance share, knee, hip, trunk). Speeds and times
-are those of a leg of 0.83 m; other legs are scaled by equal Froude numbers.
+(sagittal angles of hip, knee and foot over the cycle); Orendurff et al. 2004, J. Rehab. Res. Dev. 41(6)
+(excursion of the body's centre up and down and to the sides against speed); Murray, Sepic, Barnard 1967,
+Phys. Ther. 47 (arm swing); Novacheck 1998, Gait and Posture 7 (running: stance share, knee, hip, trunk).
+Speeds and times are those of a leg of 0.83 m; other legs are scaled by equal Froude numbers.
 """
 
 from dataclasses import dataclass, replace
@@ -159,8 +159,8 @@ def swing_angles(gait: Gait, phase: Array) -> tuple[Array, Array]:
     def at(share: float) -> float:
         return s + share * w
 
-    thigh_walk = [(0.0, 24.0), (0.5 * s, 0.0), (0.86 * s, -21.0), (at(0.0), -10.0), (at(0.36), 13.0), (at(0.66), 23.5),
-                  (at(0.86), 24.5)]  # fmt: skip
+    thigh_walk = [(0.0, 24.0), (0.5 * s, 0.0), (0.86 * s, -21.0), (at(0.0), -10.0), (at(0.36), 13.0),
+                  (at(0.66), 23.5), (at(0.86), 24.5)]  # fmt: skip
     knee_walk = [(0.0, 8.0), (0.25 * s, 17.0), (0.6 * s, 8.0), (at(0.0), 42.0), (at(0.27), 63.0), (at(0.52), 46.0),
                  (at(0.78), 19.0), (at(0.94), 6.0)]  # fmt: skip
     thigh_run = [(0.0, 21.0), (0.5 * s, 5.0), (at(0.0), -24.0), (at(0.10), -20.0), (at(0.45), 16.0), (at(0.72), 32.0),
@@ -184,9 +184,11 @@ def foot_pitch(gait: Gait, phase: Array) -> Array:
     heel_off = (0.48 if gait.running else 0.66 - 0.05 * min(gait.speed / 2.0, 1.0)) * s
     most = np.interp(gait.running, [0.0, 1.0], [1.08 * down, 82.0 + 0.3 * down])
     walk = [
-        (0.0, up), (0.45 * flat_from, 0.42 * up), (flat_from, 0.0), (0.5 * (flat_from + heel_off), 0.0), (heel_off, 0.0),
+        (0.0, up), (0.45 * flat_from, 0.42 * up), (flat_from, 0.0), (0.5 * (flat_from + heel_off), 0.0),
+        (heel_off, 0.0),
         (0.35 * heel_off + 0.65 * s, -0.30 * down), (s, -down), (s + (0.13 + 0.16 * gait.running) * w, -most),
-        (s + (0.48 + 0.10 * gait.running) * w, -0.42 * most), (s + 0.73 * w, -4.0), (s + 0.90 * w, 0.95 * max(up, -4.0)),
+        (s + (0.48 + 0.10 * gait.running) * w, -0.42 * most), (s + 0.73 * w, -4.0),
+        (s + 0.90 * w, 0.95 * max(up, -4.0)),
     ]  # fmt: skip
     return np.radians(curve(walk, phase))
 
@@ -239,7 +241,7 @@ def gait_clip(name: str, frame: Frame, gait: Gait) -> tuple[Clip, Array, Flags]:
 
     The last frame is the first of the next cycle. See `bunraku.motion.motionset.EVENTS` for the keys.
     """
-    size, slow = frame.length, frame.time
+    slow = frame.time
     steps = round(gait.cycle * slow * FPS)
     period = steps / FPS
     phase = np.arange(steps + 1) / steps
@@ -380,13 +382,17 @@ def _swing(
 ) -> None:  # fmt: skip
     """Fill in ankles, yaws and toes of one leg: stances as they are, swings by the angle curves."""
     own = phase - 0.5 * side
+    count = len(phase) - 1
     upper, lower = (float(v) for v in frame.rig.lengths[2 + side])
-    dense = np.linspace(gait.stance, 1.0, 49)
+    marks = np.array([gait.stance - 0.004, gait.stance, 1.0, 1.004])
     for cycle in (-1, 0):
-        mine = (own > cycle + gait.stance + 1e-9) & (own < cycle + 1.0 - 1e-9)
-        if not mine.any():
+        # The whole swing, of which the clip may hold a part only.
+        first = int(np.floor((cycle + gait.stance + 0.5 * side) * count + 1e-6)) + 1
+        last = int(np.ceil((cycle + 1.0 + 0.5 * side) * count - 1e-6)) - 1
+        frames = np.arange(first, last + 1)
+        held = (frames >= 0) & (frames <= count)
+        if not held.any():
             continue
-        marks = np.concatenate([[gait.stance - 0.004, gait.stance, 1.0, 1.004], dense])
         path = _fk(gait, marks, upper, lower)
         times = (cycle + 0.5 * side + marks) * period
         hips_at = _sample_hip(phase, hip, marks + 0.5 * side)
@@ -394,9 +400,9 @@ def _swing(
         path[:, 0] = hips_at[:, 0]
         ends, velocities = [], []
         sole = frame.soles[side]
-        for k, (n, m, which) in enumerate(((1, 0, cycle), (2, 3, cycle + 1))):
+        for n, m, which in ((1, 0, cycle), (2, 3, cycle + 1)):
             place, yaw = _prints(frame, gait, side, period, arc, which)
-            pair = rolled(sole, foot_pitch(gait, np.mod(np.array([marks[n], marks[m] if k else marks[m]]), 1.0)))
+            pair = rolled(sole, foot_pitch(gait, marks[[n, m]]))
             ahead = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
             spot = place + pair[:, 1:] * ahead + pair[:, :1] * np.array([0.0, 1.0, 0.0])
             base, heading = arc.at(times[[n, m]])
@@ -404,21 +410,20 @@ def _swing(
             residue = near - path[[n, m]]
             ends.append(residue[0])
             velocities.append((residue[1] - residue[0]) / ((marks[m] - marks[n]) * period))
-        share = (own[mine] - cycle - gait.stance) / (1.0 - gait.stance)
-        span = (1.0 - gait.stance) * period
-        fk = _fk(gait, own[mine] - cycle, upper, lower) + hip[mine]
-        fk[:, 0] = hip[mine, 0]
-        track = fk + _eased(ends[0], velocities[0], ends[1], velocities[1], share, span)
-        pitch = foot.pitch[mine]
-        bend = _toe_bend(gait, own[mine] - cycle)
-        sole_low = lowest(sole, track[:, 1], pitch, bend)
+        at = frames / count - 0.5 * side - cycle
+        share = (at - gait.stance) / (1.0 - gait.stance)
+        hips_at = _sample_hip(phase, hip, frames / count)
+        track = _fk(gait, at, upper, lower) + hips_at
+        track[:, 0] = hips_at[:, 0]
+        track += _eased(ends[0], velocities[0], ends[1], velocities[1], share, (1.0 - gait.stance) * period)
+        low = lowest(sole, track[:, 1], foot_pitch(gait, at), _toe_bend(gait, at))
         want = gait.clearance * frame.length * np.sin(pi * share) ** 0.8
-        lack = np.maximum(want - sole_low, 0.0)
-        track[:, 1] += _raised(lack, share)
-        base, heading = arc.at(phase[mine] * period)
-        foot.ankle[mine] = _to_world(track, base, heading)
+        track[:, 1] += _raised(np.maximum(want - low, 0.0), share)
+        base, heading = arc.at(frames / count * period)
+        mine = frames[held]
+        foot.ankle[mine] = _to_world(track, base, heading)[held]
         yaw0, yaw1 = (_prints(frame, gait, side, period, arc, c)[1] for c in (cycle, cycle + 1))
-        foot.yaw[mine] = yaw0 + (yaw1 - yaw0) * blend(share, 0.05, 0.95)
+        foot.yaw[mine] = (yaw0 + (yaw1 - yaw0) * blend(share, 0.05, 0.95))[held]
     plan.ankles[side], plan.foot_yaw[side], plan.foot_pitch[side] = foot.ankle, foot.yaw, foot.pitch
     plan.toe_bend[side] = _toe_bend(gait, own)
     plan.contacts[:, side] = foot.contact
@@ -440,13 +445,15 @@ def _toe_bend(gait: Gait, own: Array) -> Array:
     pitch = foot_pitch(gait, phase)
     release = 1.0 - blend(phase, gait.stance, gait.stance + 0.45 * (1.0 - gait.stance))
     standing = np.where(phase <= gait.stance, 1.0, release)
-    most = np.radians(60.0)
-    return np.asarray(most * np.tanh(np.maximum(-pitch, 0.0) / most) * standing, dtype=np.float64)
+    # As far as toes bend, softly.
+    limit, soft = np.radians(64.0), np.radians(4.0)
+    up = np.maximum(-pitch, 0.0)
+    return np.asarray((up - soft * np.logaddexp(0.0, (up - limit) / soft)) * standing, dtype=np.float64)
 
 
 def _fk(gait: Gait, phase: Array, upper: float, lower: float) -> Array:
     """The ankle from the hip (n, 3) by the published angles, in the path's frame."""
-    thigh, knee = swing_angles(gait, np.minimum(phase, 1.0 + 1e-9) if np.all(phase <= 1.0) else phase)
+    thigh, knee = swing_angles(gait, phase)
     shin = thigh - knee
     z = upper * np.sin(thigh) + lower * np.sin(shin)
     y = -upper * np.cos(thigh) - lower * np.cos(shin)

@@ -1,10 +1,11 @@
 """Standing, single steps, turns on the spot and jumps, planned in task space.
 
 Feet go from footprint to footprint with bell-shaped speed (reaching movements, as Wu 2008 for steps), the weight
-shifts over the foot that stands before the other one leaves the ground, and jumps fly ballistically. Lengths in metres
-and times in seconds are those of a leg of 0.83 m, see `bunraku.motion.synth_body.Frame`.
+shifts over the foot that stands before the other one leaves the ground, and jumps fly ballistically. Lengths in
+metres and times in seconds are those of a leg of 0.83 m, see `bunraku.motion.synth_body.Frame`.
 """
 
+from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -21,7 +22,7 @@ Made = tuple[Clip, Array, Flags]
 """A clip, its key times (s) and its contacts (F, 2)."""
 
 STAND = 0.993
-"""Share of full leg length from hip to ankle in quiet standing (knees a little bent, as of people who are about to move)."""
+"""Share of full leg length from hip to ankle in quiet standing: knees a little bent, ready to move."""
 TOE_OUT = np.radians(6.0)
 ARM_OUT, ARM_ROLL, ELBOW, ARM_BACK = np.radians(9.0), np.radians(18.0), np.radians(16.0), np.radians(-2.0)
 
@@ -29,7 +30,7 @@ ARM_OUT, ARM_ROLL, ELBOW, ARM_BACK = np.radians(9.0), np.radians(18.0), np.radia
 def _track(times: Array, knots: list[tuple[float, float]]) -> Array:
     """Through (time, value) knots with rest at each knot, minimum jerk between, held outside."""
     out = np.full(len(times), knots[0][1])
-    for (t0, a), (t1, b) in zip(knots, knots[1:], strict=False):
+    for (t0, a), (t1, b) in pairwise(knots):
         u = np.clip((times - t0) / max(t1 - t0, 1e-9), 0.0, 1.0)
         out = np.where(times >= t0, a + (b - a) * (10 * u**3 - 15 * u**4 + 6 * u**5), out)
     return out
@@ -59,9 +60,13 @@ def _plan(frame: Frame, times: Array) -> Plan:
     """Quiet standing, to be changed."""
     n = len(times)
     plan = Plan(
-        root=np.tile([0.0, _rooms(frame), 0.0], (n, 1)), heading=np.zeros(n), ankles=np.zeros((2, n, 3)),
-        foot_yaw=np.zeros((2, n)), foot_pitch=np.zeros((2, n)), contacts=np.ones((n, 2), np.bool_),
-    )  # fmt: skip
+        root=np.tile([0.0, _rooms(frame), 0.0], (n, 1)),
+        heading=np.zeros(n),
+        ankles=np.zeros((2, n, 3)),
+        foot_yaw=np.zeros((2, n)),
+        foot_pitch=np.zeros((2, n)),
+        contacts=np.ones((n, 2), np.bool_),
+    )
     plan.trunk[:, 0] = np.radians(1.0)
     plan.shoulder[:] = ARM_BACK
     plan.abduct[:] = ARM_OUT
@@ -80,7 +85,7 @@ def _put(frame: Frame, plan: Plan, side: int, ground: Array, yaw: Array, pitch: 
     plan.ankles[side] = ground + offset[:, 1:] * ahead
     plan.ankles[side, :, 1] = ground[:, 1] + offset[:, 0] + lift
     plan.foot_yaw[side], plan.foot_pitch[side] = yaw, pitch
-    plan.toe_bend[side] = np.clip(-pitch, 0.0, np.radians(50.0)) * (1.0 - blend(lift, 0.0, 0.03))
+    plan.toe_bend[side] = np.clip(-pitch, 0.0, np.radians(62.0)) * (1.0 - blend(lift, 0.0, 0.06))
 
 
 def _lower(frame: Frame, plan: Plan, reach: float = 0.994) -> None:
@@ -195,10 +200,22 @@ def _two_steps(name: str, frame: Frame, lead: int, way: Array, angle: float) -> 
     width = frame.width
     rest = np.radians(1.0)
     lead_side, follow_side = SIGN[lead], SIGN[follow]
-    weight = _smooth(times, [
-        (0.0, 0.0), (t_off, 0.52 * follow_side), (0.55 * t_off + 0.45 * t_on, 0.55 * follow_side), (t_on, 0.15 * follow_side),
-        (u_off, 0.46 * lead_side), (0.5 * (u_off + u_on), 0.50 * lead_side), (u_on, 0.22 * lead_side), (t_end, 0.0),
-    ]) * width  # fmt: skip
+    weight = (
+        _smooth(
+            times,
+            [
+                (0.0, 0.0),
+                (t_off, 0.52 * follow_side),
+                (0.55 * t_off + 0.45 * t_on, 0.55 * follow_side),
+                (t_on, 0.15 * follow_side),
+                (u_off, 0.46 * lead_side),
+                (0.5 * (u_off + u_on), 0.50 * lead_side),
+                (u_on, 0.22 * lead_side),
+                (t_end, 0.0),
+            ],
+        )
+        * width
+    )
     # A side step in the weight's own direction already carries the body there.
     aside = way[0] * lead_side
     ease = 1.0 - 0.55 * min(max(aside / (0.5 * size), 0.0), 1.0)
@@ -243,7 +260,7 @@ def _two_steps(name: str, frame: Frame, lead: int, way: Array, angle: float) -> 
 
 def _step_foot(
     frame: Frame, plan: Plan, times: Array, side: int, off: float, on: float, way: Array, angle: float, along: float
-) -> None:  # fmt: skip
+) -> None:
     """One foot's way from where it stands to its new place, in the air from ``off`` to ``on`` (s)."""
     size = frame.length
     home = _home(frame, side)
@@ -261,9 +278,13 @@ def _step_foot(
     land = np.radians(15.0) * min(max(along, -0.4), 1.0) - np.radians(3.0)
     span = on - off
     knots = [
-        (off - min(0.16, 0.7 * off), 0.0), (off, -0.55 * toe_off), (off + 0.22 * span, -toe_off), (off + 0.72 * span, 0.5 * land),
-        (on, land), (on + 0.10, 0.0),
-    ]  # fmt: skip
+        (off - min(0.16, 0.7 * off), 0.0),
+        (off, -0.55 * toe_off),
+        (off + 0.22 * span, -toe_off),
+        (off + 0.72 * span, 0.5 * land),
+        (on, land),
+        (on + 0.10, 0.0),
+    ]
     _put(frame, plan, side, ground, yaw, _smooth(times, knots), lift)
     plan.contacts[:, side] = (times <= off + 1e-9) | (times >= on - 1e-9)
 
@@ -337,9 +358,18 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
 
 
 def _jump_feet(
-    frame: Frame, plan: Plan, t: Array, way: Array, deep: float, off: float, apex: float, on: float, settle: float,
-    ahead: float, height: float,
-) -> None:  # fmt: skip
+    frame: Frame,
+    plan: Plan,
+    t: Array,
+    way: Array,
+    deep: float,
+    off: float,
+    apex: float,
+    on: float,
+    settle: float,
+    ahead: float,
+    height: float,
+) -> None:
     """Feet push off over the toes, are drawn up in the air and come down before the body."""
     size = frame.length
     span = on - off
@@ -353,10 +383,18 @@ def _jump_feet(
         ground = home + (size * move)[:, None] * way
         toe = np.radians(58.0)
         land = np.radians(-16.0 + 30.0 * np.clip(ahead, 0.0, 1.0) - 8.0 * np.clip(-ahead, 0.0, 1.0))
-        pitch = _smooth(t, [
-            (deep + 0.25 * (off - deep), 0.0), (deep + 0.66 * (off - deep), -0.22 * toe), (off, -0.90 * toe), (off + 0.14 * span, -1.06 * toe),
-            (off + 0.60 * span, -0.45 * toe + 0.3 * land), (on, land), (on + 0.07, 0.0),
-        ])  # fmt: skip
+        pitch = _smooth(
+            t,
+            [
+                (deep + 0.25 * (off - deep), 0.0),
+                (deep + 0.66 * (off - deep), -0.22 * toe),
+                (off, -0.90 * toe),
+                (off + 0.14 * span, -1.06 * toe),
+                (off + 0.60 * span, -0.45 * toe + 0.3 * land),
+                (on, land),
+                (on + 0.07, 0.0),
+            ],
+        )
         # The soles stay below the body: drawn up in the middle, and all the way no farther off than a leg is long.
         w = np.sin(pi * u)
         lift = size * tuck * w**1.6 * (u > 0) * (u < 1)
@@ -373,24 +411,44 @@ def _jump_feet(
         soft = 0.02 * size * w
         lift = np.where(flying, np.maximum(0.5 * (lift + least + np.hypot(lift - least, soft)), 0.0), 0.0)
         _put(frame, plan, side, ground, np.full(len(t), SIGN[side] * TOE_OUT), pitch, lift)
-        plan.toe_bend[side] = np.clip(-pitch, 0.0, np.radians(50.0)) * (1.0 - blend(u, 0.0, 0.35))
+        grounded = np.maximum(1.0 - blend(u, 0.0, 0.35), blend(u, 0.75, 0.97))
+        plan.toe_bend[side] = np.clip(-pitch, 0.0, np.radians(62.0)) * grounded
         plan.contacts[:, side] = (t <= off + 1e-9) | (t >= on - 1e-9)
     plan.knee_out = 0.10
 
 
 def _jump_body(
-    plan: Plan, t: Array, deep: float, off: float, apex: float, on: float, settle: float, end: float, ahead: float,
-    aside: float, height: float, low: float, dip: float,
-) -> None:  # fmt: skip
+    plan: Plan,
+    t: Array,
+    deep: float,
+    off: float,
+    apex: float,
+    on: float,
+    settle: float,
+    end: float,
+    ahead: float,
+    aside: float,
+    height: float,
+    low: float,
+    dip: float,
+) -> None:
     """Trunk and arms: folded and swung back in the crouch, thrown up at take-off, out to the front on landing."""
     effort = min(0.45 + 1.1 * height + 0.35 * abs(ahead), 1.25)
     fold = np.degrees(0.0) + 26.0 + 60.0 * low
     fold_land = 14.0 + 60.0 * dip
     fly = 6.0 * np.clip(ahead, 0.0, 1.0)
-    trunk = _smooth(t, [
-        (0.0, 1.0), (deep, fold), (off, 3.0 + 6.0 * ahead), (apex, 2.0 + fly), (on, 10.0 + 12.0 * max(ahead, 0.0)),
-        (settle, fold_land + 6.0 * ahead), (end, 1.0),
-    ])  # fmt: skip
+    trunk = _smooth(
+        t,
+        [
+            (0.0, 1.0),
+            (deep, fold),
+            (off, 3.0 + 6.0 * ahead),
+            (apex, 2.0 + fly),
+            (on, 10.0 + 12.0 * max(ahead, 0.0)),
+            (settle, fold_land + 6.0 * ahead),
+            (end, 1.0),
+        ],
+    )
     plan.trunk[:, 0] = np.radians(trunk)
     plan.pelvis[:, 0] = np.radians(0.5 * trunk)
     plan.gaze[:, 0] = np.radians(0.15 * trunk)
@@ -401,10 +459,20 @@ def _jump_body(
     plan.trunk[:, 2] += np.radians(side)
     plan.pelvis[:, 2] += np.radians(0.4 * side)
     back, up = -52.0 * effort, min(118.0 * effort, 150.0)
-    arms = _smooth(t, [
-        (0.0, -2.0), (0.55 * deep, 16.0 * effort), (deep, back), (deep + 0.45 * (off - deep), 0.3 * back), (off, 0.80 * up),
-        (0.5 * (off + apex), up), (on, 0.58 * up), (settle, 32.0), (end, -2.0),
-    ])  # fmt: skip
+    arms = _smooth(
+        t,
+        [
+            (0.0, -2.0),
+            (0.55 * deep, 16.0 * effort),
+            (deep, back),
+            (deep + 0.45 * (off - deep), 0.3 * back),
+            (off, 0.80 * up),
+            (0.5 * (off + apex), up),
+            (on, 0.58 * up),
+            (settle, 32.0),
+            (end, -2.0),
+        ],
+    )
     elbow = _smooth(
         t,
         [

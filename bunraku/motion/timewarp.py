@@ -33,7 +33,7 @@ def segment_of(generic: Array, u: float) -> int:
     for k in range(last):
         if u < generic[k + 1]:
             return k
-    return last
+    return last  # type: ignore[no-any-return]
 
 
 @kernel
@@ -49,7 +49,7 @@ def seconds_per_unit(generic: Array, spans: Array, weights: Array, segment: int)
         low = min(low, spans[i, segment])
         high = max(high, spans[i, segment])
     total = min(max(total, 0.5 * low), 1.5 * high)
-    return total / max(generic[segment + 1] - generic[segment], 1e-9)
+    return total / max(generic[segment + 1] - generic[segment], 1e-9)  # type: ignore[no-any-return]
 
 
 @kernel
@@ -72,7 +72,7 @@ def advance(generic: Array, spans: Array, weights: Array, u: float, dt: float) -
 
 @kernel
 def seconds_between(generic: Array, spans: Array, weights: Array, start: float, end: float) -> float:
-    """How long the way from generic time ``start`` to ``end`` (start <= end <= start + 1) takes with these weights."""
+    """Seconds from generic time ``start`` to ``end`` (start <= end <= start + 1) with these weights."""
     total = 0.0
     u = start
     for _ in range(2 * generic.shape[0] + 2):

@@ -120,7 +120,7 @@ def weight_table(parameters: Sequence[str], values: ArrayLike, *, beyond: float 
     not asked of them.
     """
     place = embed(parameters, np.atleast_2d(np.asarray(values, dtype=np.float64)))
-    n, m = place.shape
+    n = len(place)
     center = place.mean(axis=0)
     spread = place.std(axis=0)
     scale = np.where(spread > 1e-6, 1.0 / np.where(spread > 1e-6, spread, 1.0), 0.0)
@@ -154,7 +154,7 @@ def neutral_fit(parameters: Sequence[str], place: Array) -> Array:
 
     Usual is what the examples without a marked posture show, fitted linearly in the other parameters.
     """
-    n, m = place.shape
+    m = place.shape[1]
     out = np.eye(m, m + 1)
     posture = [k for k, name in enumerate(parameters) if name in POSTURE]
     others = [k for k, name in enumerate(parameters) if name not in POSTURE]
