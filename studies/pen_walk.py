@@ -17,7 +17,7 @@ import numpy as np
 from blending import along, drift, recorded, velocity_steps
 from numpy.typing import NDArray
 
-from bunraku.msgs import Jump, Locomotion, Pen, Step
+from bunraku.msgs import Jump, Locomotion, Pad, Pen, Step
 from bunraku.nodes.blender.node import Blender
 from bunraku.nodes.interpreter.node import Interpreter
 from bunraku.nodes.interpreter.pen_rules import PenRules
@@ -112,6 +112,8 @@ class Quality:
     step_most: float
     step_usual: float
     speed_error: float
+    behind: float
+    """s that the figure goes on after the pen has ended."""
 
 
 def free_walk(seconds: float, size: tuple[float, float], seed: int) -> Quality:
@@ -136,7 +138,9 @@ def free_walk(seconds: float, size: tuple[float, float], seed: int) -> Quality:
         last = at
         ground.append((float(offset[0] + at[0]), float(offset[1] + at[1])))
     stage.send(last, contact=False)
-    stage.wait(4.0)
+    until = stage.time
+    while stage.time < until + 30.0 and not (stage.blender.core.player.free and stage.time > until + 2.0):
+        stage.wait(0.5)  # it goes to the path's end
     player = stage.blender.core.player
     line = np.array(ground[::6]) * np.array([-1.0, 1.0])
     clip = recorded(player, stage.frames)
@@ -149,7 +153,7 @@ def free_walk(seconds: float, size: tuple[float, float], seed: int) -> Quality:
         length=asked, resets=resets, path_rms=float(np.sqrt((off**2).mean())), path_most=float(off.max()),
         drift=drift(player, clip, stage.frames), beyond=max(float(one[5][0]) for one in stage.frames),
         step_most=float(steps.max()), step_usual=float(np.quantile(steps.max(axis=1), 0.9)),
-        speed_error=abs(walked - asked) / asked,
+        speed_error=abs(walked - asked) / asked, behind=stage.time - until,
     )  # fmt: skip
 
 
@@ -206,6 +210,20 @@ def latency(kind: str, early: bool, phase: float) -> tuple[float, float, float]:
     return said - begun, said - ended, first_motion(stage, said)
 
 
+def pad_latency(kind: str, phase: float) -> float:
+    """s from a gamepad's sample to motion; the command is said at once."""
+    stage = Stage((0.4, 0.4))
+    stage.wait(0.5 + phase)
+    begun = stage.time
+    left = [0.0, -0.6] if kind == "walk" else [0.0, 0.0]
+    right = [0.0, 0.0] if kind == "walk" else [0.0, -0.8]
+    for _ in range(60):
+        buttons = [kind == "jump", kind == "step"]
+        stage.stage.publish("pad", Pad(device="pad", axes=[*left, *right], buttons=buttons))
+        stage.wait(2.0 / RATE)
+    return first_motion(stage, begun)
+
+
 def early_errors(count: int = 200, seed: int = 5) -> tuple[int, int]:
     """Of random short strokes: how many an early start takes for a walk, and how many of them there were."""
     from bunraku.nodes.interpreter.pen_stroke import PenTrack, Sample
@@ -235,14 +253,15 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2, help="walks on each tablet (default 2)")
     args = parser.parse_args()
     print("| tablet | seed | path m | resets | off the path, rms / most mm | foot drift mm | beyond reach mm |"
-          " velocity step, 90 % / most °/s | length walked |")  # fmt: skip
-    print("|---|---|---|---|---|---|---|---|---|")
+          " velocity step, 90 % / most °/s | length walked | on after the pen s |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|---|---|")
     for name, size in (("40 x 40 cm", (0.4, 0.4)), ("15 x 9.4 cm", (0.15, 0.094))):
         for seed in range(args.seeds):
             q = free_walk(args.seconds, size, seed)
-            print(f"| {name} | {seed} | {q.length:.1f} | {q.resets} | {1e3 * q.path_rms:.0f} / {1e3 * q.path_most:.0f} "
+            print(f"| {name} | {seed} | {q.length:.1f} | {q.resets} "
+                  f"| {1e3 * q.path_rms:.0f} / {1e3 * q.path_most:.0f} "
                   f"| {1e3 * q.drift:.2f} | {1e3 * q.beyond:.1f} | {q.step_usual:.0f} / {q.step_most:.0f} "
-                  f"| {100 * (1 - q.speed_error):.1f} % |", flush=True)  # fmt: skip
+                  f"| {100 * (1 - q.speed_error):.1f} % | {q.behind:.1f} |", flush=True)  # fmt: skip
     print("\n| motion | first sample to command ms | last sample to command ms | command to motion ms |")
     print("|---|---|---|---|")
     for kind, early in (("step", False), ("walk", False), ("walk", True), ("jump", False)):
@@ -250,6 +269,9 @@ def main() -> None:
         a, b, c = np.median(rows, axis=0)
         last = f"{b:.0f}" if b > -1.0 else "before its end"
         print(f"| {kind}{', early start' if early else ''} | {a:.0f} | {last} | {c:.0f} |", flush=True)
+    for kind in ("step", "walk", "jump"):
+        c = float(np.median([pad_latency(kind, phase) for phase in np.arange(4) / (4 * FPS)]) * 1e3)
+        print(f"| {kind}, gamepad | 0 | 0 | {c:.0f} |", flush=True)
     wrong, count = early_errors()
     print(f"\nearly start: {wrong} of {count} random strokes of a step's length taken for a walk")
 
