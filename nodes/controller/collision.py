@@ -30,10 +30,12 @@ STRIDE = 0.04
 MOST_STRIDES = 10
 PUSHES = 6
 """Most pushes after one stride."""
-FASTEST = 4.0
-"""m/s at which a limb that touches something goes to its goal."""
-LEAST_PROGRESS = 2e-4
-"""m: one that comes no nearer than this stays where it is."""
+SLIDE, CREEP = 1.5, 0.30
+"""How much faster than its goal a limb slides along something, and m/s at which it does where the goal rests."""
+SLIDE_TURN, CREEP_TURN = 12.0, 1.0
+"""rad/m and rad/s: the same for the turn of its elbow or knee."""
+LEAST_PROGRESS = 0.012
+"""m/s: one that comes no nearer than this stays where it is."""
 PUSH_HALF_LIFE = 0.25
 """s in which the turn of an elbow that avoided something goes back."""
 
@@ -219,7 +221,8 @@ def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
 @kernel
 def avoid(
     rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, flags: Array, before: Array,
-    swivels_before: Array, plain: Array, rotations_ls: Array, positions_ws: Array, rotations_ws: Array, dt: float,
+    swivels_before: Array, plain: Array, moved: Array, rotations_ls: Array, positions_ws: Array,
+    rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
     """Move limbs out of the body and into their limits, in place.
 
@@ -230,6 +233,7 @@ def avoid(
         flags: (5,) which points are driven; a motion's own limbs are left as they are.
         before: (5, 3) m, the points of the last step; swivels_before: (4,) rad likewise.
         plain: (4,) rad, the swivels without what earlier contacts added.
+        moved: (4,) m, how far each limb's goal has moved: what touches something slides about as fast.
     """
     joints = rig.parents.shape[0]
     centers, axes, push = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4)
@@ -279,7 +283,7 @@ def avoid(
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         was_free = gap >= -1e-4
         far = distance(goal, positions_ws[rig.limbs[limb, 2]])
-        farthest = max(0.05, FASTEST * dt)
+        farthest = SLIDE * moved[limb] + CREEP * dt
         share = min(1.0, farthest / max(way, 1e-9))
         strides = min(MOST_STRIDES, max(1, int(np.ceil(way * share / STRIDE))))
         if not was_free:
@@ -299,7 +303,9 @@ def avoid(
         place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
-        if was_free and (gap < -1e-4 or nearer < LEAST_PROGRESS):
+        turned = abs(st.swivels[limb] - swivels_before[limb])
+        slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt or nearer > 2.0 * farthest
+        if was_free and (gap < -1e-4 or nearer < LEAST_PROGRESS * dt or slips):
             # Back to the last free place (eq. 27 with t = 0).
             for k in range(3):
                 st.points[row, k] = start[k]

@@ -532,6 +532,7 @@ def advance(
     arms, flags = np.zeros((2, 3)), np.zeros(5)
     relaxed_trunk, relaxed_pelvis, room = np.empty(4), np.empty(3), np.empty(2)
     swivels_before, plain, aims_before = np.empty(4), np.empty(4), np.empty((5, 3))
+    moved = np.empty(4)
     fresh = st.mode[0] < 0.5
     if fresh:
         start_standing(rig, st, under, positions_ws)
@@ -660,21 +661,20 @@ def advance(
         for k in range(3):
             if flags[1 + limb] < 0.5:
                 st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
+    for limb in range(4):
+        way = 0.0
+        for k in range(3):
+            if flags[1 + limb] > 0.5:
+                way += (st.aims[1 + limb, k] - aims_before[1 + limb, k]) ** 2
+            else:
+                root = positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
+                way += (st.points[1 + limb, k] - before[1 + limb, k] - root) ** 2
+        # What is free moves only as fast as it relaxes.
+        moved[limb] = sqrt(way) if flags[1 + limb] > 0.5 else min(sqrt(way), gains.relax_ends * dt)
     avoid(
-        rig,
-        gains,
-        st,
-        under,
-        contacts,
-        flags,
-        before,
-        swivels_before,
-        plain,
-        rotations_ls,
-        positions_ws,
-        rotations_ws,
-        dt,
-    )
+        rig, gains, st, under, contacts, flags, before, swivels_before, plain, moved, rotations_ls, positions_ws,
+        rotations_ws, dt,
+    )  # fmt: skip
 
     # What the next step needs to know of this one.
     span = max(dt, 1.0 / 120.0)

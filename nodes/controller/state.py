@@ -32,9 +32,9 @@ class Gains(NamedTuple):
     """rad/s at which the trunk and the head come upright."""
     relax_ends: float = 0.34
     """m/s at which free hands sink."""
-    relax_reach: float = 0.2
+    relax_reach: float = 0.15
     """m/s at which the pelvis comes back from a reach."""
-    relax_feet: float = 0.40
+    relax_feet: float = 0.30
     """m/s at which free feet sink to the floor."""
     relax_pelvis: float = 0.0
     """m/s at which a released pelvis comes back; 0 leaves it where it was let go."""
