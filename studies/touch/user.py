@@ -1,0 +1,356 @@
+"""A simulated user who poses the figure by touch.
+
+It sees the projected picture only: where the joints of the figure and of the ghost appear, and what the overlay says
+that its fingers hold. It acts only through touch messages, at most three fingers at a time, with the times and the
+scatter of the motor model. What it does: from the front it puts right what is off on the picture, lower body first;
+for what a pose has toward the viewer it goes to the side; hands come last and stay held, since a released hand sinks.
+"""
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bunraku.figure.camera import project
+from bunraku.figure.default import default_figure
+from bunraku.figure.fk import fk
+from bunraku.msgs import Contact, Touch
+from bunraku.nodes.controller.node import Controller
+from bunraku.nodes.interpreter.node import Interpreter
+from bunraku.runtime.memory import MemoryStage
+
+from .motor import Motor, minimum_jerk
+from .poses import Ghost, joint_of
+
+Array = NDArray[np.float64]
+HZ = 60.0
+REACHED = 0.10  # m: every joint within this of the ghost's
+GIVE_UP = 240.0  # s
+NEAR = 0.016  # picture heights: what a user lets pass as being in place
+FINGERS = 3
+VIEWS = {"front": (0.12, 0.10), "side": (1.45, 0.10)}  # azimuth and elevation (rad) that swipes go to
+PART_WIDTH = {"pelvis": 0.08, "trunk": 0.10, "left_hand": 0.045, "right_hand": 0.045, "left_foot": 0.05,
+              "right_foot": 0.05}  # fmt: skip
+RELEASED = ("pelvis", "left_foot", "right_foot", "turn")
+"""Parts that stay where they were let go."""
+SWIPE = np.pi  # rad for a picture height, as the user has learnt
+ASTRAY = 0.08  # picture heights that both feet are off: the whole figure has to come back
+EMPTY = np.array([0.16, 0.35])
+
+
+@dataclass
+class Score:
+    """What one run took."""
+
+    seconds: float = 0.0
+    strokes: int = 0
+    views: int = 0
+    reached: bool = False
+    error: float = 0.0
+    """m, the joint that was farthest at the end."""
+    fingers: int = 0
+    """Most fingers at once."""
+    track: list[tuple[float, float]] = field(default_factory=list)
+    """(s, m) how far the farthest joint was."""
+
+
+class Done(Exception):
+    """The pose was reached, or the time is over."""
+
+
+class TouchUser:
+    """One simulated person at one pose."""
+
+    def __init__(self, goal: Ghost, motor: Motor, seed: int) -> None:
+        self.goal = goal
+        self.motor = motor
+        self.rng = np.random.default_rng(seed)
+        self.stage = MemoryStage()
+        self.interpreter = self.stage.add(Interpreter, azimuth=VIEWS["front"][0], elevation=VIEWS["front"][1])
+        self.controller = self.stage.add(Controller, show_overlay=False)
+        self.figure = default_figure()
+        self.fingers: dict[int, Array] = {}
+        self.holding: dict[str, int] = {}
+        self.rest = np.array([0.5, 0.9])  # where a free hand hovers, shares of the picture
+        self.next_id = 0
+        self.score = Score()
+        self.stage.advance(0.5)
+        self.began = self.stage.clock.now()
+        self.seen: Callable[[], None] | None = None
+        self.facing = 0.0
+        """Heading that the views are meant from: as the ghost is seen to face, once the figure is turned."""
+
+    # What the task does
+
+    def run(self) -> Score:
+        """Pose until it is reached or the time is over."""
+        with contextlib.suppress(Done):
+            self.play()
+        self.score.seconds = self.time
+        self.score.error = self.error()
+        self.score.reached = self.score.error < REACHED
+        return self.score
+
+    @property
+    def time(self) -> float:
+        """s since the ghost was shown."""
+        return (self.stage.clock.now() - self.began) / 1e9
+
+    def error(self) -> float:
+        """m between the farthest joint and the ghost's: the task's own measure, which the user does not see."""
+        away = np.linalg.norm(self.controller.core.positions_ws - self.goal.positions, axis=1)
+        return float(away.max())
+
+    def tick(self) -> None:
+        """One 60th of a second; the task ends as soon as the pose is reached."""
+        self.stage.advance(1.0 / HZ)
+        if self.seen is not None:
+            self.seen()
+        error = self.error()
+        if not self.score.track or self.time - self.score.track[-1][0] > 0.2:
+            self.score.track.append((self.time, error))
+        if error < REACHED or self.time > GIVE_UP:
+            raise Done
+
+    # What the user sees
+
+    def look(self) -> tuple[Array, Array]:
+        """Where the joints of the figure and of the ghost appear (J, 2), shares."""
+        pose, camera = self.stage.last("pose"), self.stage.last("camera")
+        positions, _ = fk(self.figure, pose.root.astype(float), pose.rotations.astype(float))
+        return project(camera, positions), project(camera, self.goal.positions)
+
+    def off(self, part: str) -> Array:
+        """By how much a part is off on the picture (2), picture heights to the right and down."""
+        now, goal = self.look()
+        joint = joint_of(part)
+        away: Array = (goal[joint] - now[joint]) * self.tall
+        return away
+
+    @property
+    def tall(self) -> Array:
+        """Shares of the picture to picture heights."""
+        return np.array([16.0 / 9.0, 1.0])
+
+    def grips(self, finger: int) -> str:
+        """What the overlay says that a finger holds."""
+        drawn = self.stage.last("overlay/interpreter")
+        place = self.fingers[finger]
+        for one in drawn.primitives if drawn is not None else []:
+            if one.kind == "circle" and np.allclose(one.points[0], place, atol=1e-6):
+                return str(one.label)
+        return ""
+
+    # What the user does
+
+    def send(self, phases: dict[int, str] | None = None) -> None:
+        """Say where the fingers are."""
+        contacts = [
+            Contact(id=key, phase=(phases or {}).get(key, "move"), x=float(place[0]), y=float(place[1]))  # type: ignore[arg-type]
+            for key, place in self.fingers.items()
+        ]
+        self.stage.publish("touch", Touch(device="user", contacts=contacts))
+        if len(self.stage.bodies.get("pose", [])) > 600:
+            self._forget()
+        self.score.fingers = max(self.score.fingers, len(self.fingers))
+
+    def _forget(self) -> None:
+        """Keep the newest of each topic: a run is long."""
+        self.stage.bodies = {topic: said[-1:] for topic, said in self.stage.bodies.items()}
+
+    def wait(self, seconds: float) -> None:
+        """Do nothing but hold."""
+        for _ in range(max(1, round(seconds * HZ))):
+            self.tick()
+
+    def settle(self, most: float = 4.0) -> None:
+        """Watch until the figure has come to rest on the picture."""
+        end = self.time + most
+        before, _ = self.look()
+        while self.time < end:
+            self.wait(self.motor.glance)
+            now, _ = self.look()
+            if float(np.nanmax(np.abs(now - before))) < 0.001:
+                return
+            before = now
+
+    def press(self, place: Array, width: float) -> int:
+        """Put a finger down near a place (shares); its id."""
+        way = (place - self.rest) * self.tall
+        self.wait(self.motor.reach(float(np.linalg.norm(way)), width))
+        # The last bit of the way is seen: the scatter is that of a fifth of the movement.
+        landed = place + (self.motor.land(self.rng, 0.2 * way) - 0.2 * way) / self.tall
+        finger = self.next_id
+        self.next_id += 1
+        self.fingers[finger] = landed
+        self.send({finger: "down"})
+        self.score.strokes += 1
+        return finger
+
+    def lift(self, finger: int) -> None:
+        """Take a finger away."""
+        self.send({finger: "up"})
+        self.rest = self.fingers.pop(finger)
+        self.holding = {part: key for part, key in self.holding.items() if key != finger}
+
+    def move(self, finger: int, way: Array, seconds: float) -> None:
+        """Move a finger smoothly by ``way`` (shares)."""
+        start = self.fingers[finger].copy()
+        steps = max(1, round(seconds * HZ))
+        for k in range(1, steps + 1):
+            self.tick()
+            self.fingers[finger] = np.clip(start + way * minimum_jerk(k / steps), 0.0, 1.0)
+            self.send()
+
+    def drag(self, finger: int, part: str, *, most: int = 4) -> None:
+        """Drag a held part to where the ghost has it, with corrections."""
+        for attempt in range(most):
+            away = self.off(part)
+            if float(np.linalg.norm(away)) < NEAR and attempt:
+                return
+            landed = self.motor.land(self.rng, away)
+            # Above the speed at which a drag is taken for a punch a careful user does not go.
+            length = float(np.linalg.norm(landed))
+            self.move(finger, landed / self.tall, max(self.motor.drag(length), 1.9 * length / 0.36))
+            self.wait(self.motor.glance)
+
+    def place(self, part: str, *, keep: bool) -> None:
+        """Bring one part to where the ghost has it on this view."""
+        if part in self.holding:
+            self.wait(self.motor.decide(self.rng))
+            self.drag(self.holding[part], part)
+            return
+        if float(np.linalg.norm(self.off(part))) < NEAR:
+            return
+        for _ in range(4):
+            self.wait(self.motor.decide(self.rng))
+            finger = self.press(self.spot(part), PART_WIDTH[part])
+            if self.grips(finger) == part:
+                self.holding[part] = finger
+                self.drag(finger, part)
+                if not keep:
+                    self.lift(finger)
+                    self.settle()
+                return
+            self.lift(finger)
+
+    def spot(self, part: str) -> Array:
+        """Where the user touches a part: hands beyond the wrist, the trunk below the neck."""
+        now, _ = self.look()
+        joint = joint_of(part)
+        place: Array = now[joint]
+        if part.endswith("_hand"):
+            place = place + 0.35 * (place - now[int(self.figure.parents[joint])])
+        elif part == "trunk":
+            place = 0.6 * place + 0.4 * now[self.figure.role("spine")]
+        elif part.endswith("_foot"):
+            place = 0.5 * (place + now[self.figure.role("leftToes" if part == "left_foot" else "rightToes")])
+        return place
+
+    def view(self, name: str) -> None:
+        """Swipe to another view on an empty place of the picture."""
+        azimuth, elevation = VIEWS[name]
+        azimuth += self.facing
+        for _ in range(3):
+            camera = self.interpreter.viewer.orbit  # what the picture shows of the floor tells a user as much
+            left = (azimuth - camera.azimuth + np.pi) % (2 * np.pi) - np.pi
+            way = np.array([-left / SWIPE, (elevation - camera.elevation) / SWIPE])
+            if float(np.abs(way).max()) < 0.03:
+                return
+            if len(self.fingers) >= FINGERS:
+                return
+            self.wait(self.motor.decide(self.rng))
+            begin = EMPTY if way[0] > 0 else np.array([1.0 - EMPTY[0], EMPTY[1]])
+            finger = self.press(begin, 0.2)
+            self.score.strokes -= 1
+            self.score.views += 1
+            self.move(finger, self.motor.land(self.rng, way) / self.tall, self.motor.drag(float(np.linalg.norm(way))))
+            self.lift(finger)
+            self.wait(self.motor.glance)
+
+    def turn(self) -> None:
+        """Twist two fingers on and beside the pelvis until the hips face as the ghost's do."""
+        hips = (self.figure.role("leftUpperLeg"), self.figure.role("rightUpperLeg"))
+        self.wait(self.motor.decide(self.rng))
+        first = self.press(self.spot("pelvis"), PART_WIDTH["pelvis"])
+        if self.grips(first) != "pelvis":
+            self.lift(first)
+            return
+        second = self.press(self.fingers[first] + np.array([0.20, 0.05]) / self.tall, 0.10)
+        radius = (self.fingers[second] - self.fingers[first]) * self.tall
+        angle = float(np.arctan2(radius[1], radius[0]))
+        length = float(np.linalg.norm(radius))
+        for _ in range(6):
+            now, goal = self.look()
+            # How wide the hips seem tells how far they are turned; the ghost's slope tells which way.
+            seen = [float(one[hips[0]][0] - one[hips[1]][0]) for one in (now, goal)]
+            full = 0.19 / 2.73 * 9 / 16
+            turned = [float(np.arccos(np.clip(one / full, -1.0, 1.0))) for one in seen]
+            # The nearer hip is lower on a picture taken from above.
+            sides = [float(np.sign(one[hips[0]][1] - one[hips[1]][1])) for one in (now, goal)]
+            left = -sides[1] * turned[1] + sides[0] * turned[0]
+            if abs(left) < 0.06:
+                break
+            step = float(np.clip(left, -1.2, 1.2)) * (1.0 + self.rng.normal(0.0, self.motor.noise))
+            frames = max(1, round(self.motor.drag(abs(step) * length) * HZ))
+            for k in range(1, frames + 1):
+                self.tick()
+                at = angle - step * minimum_jerk(k / frames)
+                self.fingers[second] = self.fingers[first] + length * np.array([np.cos(at), np.sin(at)]) / self.tall
+                self.send()
+            angle -= step
+            self.wait(3.0 * self.motor.glance)
+        self.lift(second)
+        self.lift(first)
+        self.facing = self.goal.goal.yaw or 0.0
+
+    def gather(self) -> None:
+        """A figure that has stepped away from its ghost is brought back by its pelvis, sideways as seen."""
+        for name in ("front", "side"):
+            feet = 0.5 * (self.off("left_foot") + self.off("right_foot"))
+            if abs(float(feet[0])) < ASTRAY and name == "front":
+                continue
+            self.view(name)
+            feet = 0.5 * (self.off("left_foot") + self.off("right_foot"))
+            if abs(float(feet[0])) < ASTRAY:
+                continue
+            self.wait(self.motor.decide(self.rng))
+            finger = self.press(self.spot("pelvis"), PART_WIDTH["pelvis"])
+            if self.grips(finger) == "pelvis":
+                way = self.motor.land(self.rng, np.array([feet[0], 0.0]))
+                self.move(finger, way / self.tall, self.motor.drag(float(np.linalg.norm(way))))
+                self.wait(1.0)
+            self.lift(finger)
+            self.settle()
+
+    def play(self) -> None:
+        """The order of work that people were seen to take: lower body, view, upper body with several fingers."""
+        goal = self.goal.goal
+        lower = [part for part in goal.parts if part in RELEASED]
+        upper = [part for part in goal.parts if part not in RELEASED]
+        for again in range(8):
+            if again:
+                self.gather()
+            for name in ("front", "side") if any(part in goal.depth for part in lower) else ("front",):
+                self.view(name)
+                for part in lower:
+                    if part == "turn":
+                        self.turn()
+                    elif name == "front" or part in goal.depth:
+                        self.place(part, keep=False)
+            self.view("front")
+            for part in upper:
+                self.place(part, keep=True)
+            if any(part in goal.depth for part in upper):
+                self.view("side")
+                for part in upper:
+                    self.place(part, keep=True)
+            self.view("front")
+            for part in upper:
+                self.place(part, keep=True)
+            self.wait(2.0 * self.motor.glance)
+            # Not reached: let go of all and look at the lower body again.
+            for finger in list(self.fingers):
+                self.lift(finger)
