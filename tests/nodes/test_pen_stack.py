@@ -371,3 +371,42 @@ def test_the_camera_never_turns_and_keeps_figure_or_path_in_the_picture() -> Non
     play.wait(6.0)
     root = project(play.stage.last("camera"), play.poses()[-1].root.astype(np.float64))
     assert (np.abs(root - 0.5) < 0.3).all(), "the figure is followed"
+
+
+@pytest.mark.parametrize("rate", [30.0, 200.0])
+def test_the_same_hand_moves_the_figure_the_same_at_any_sample_rate(rate: float) -> None:
+    random = np.random.default_rng(round(rate))
+    play = Play(rate)
+    play.at = (0.0, -2.9)
+
+    def noisy(length: tuple[float, float], seconds: float) -> None:
+        x, z = play.at
+        count = round(seconds * rate)
+        for k in range(count + 1):
+            play.at = (x + length[0] * k / count, z + length[1] * k / count)
+            place = play.at
+            if k in (0, count) or random.random() > 0.1:  # a tenth of the samples is lost
+                jitter = random.normal(0.0, 0.004, 2)
+                play.at = (place[0] + float(jitter[0]), place[1] + float(jitter[1]))
+                play.send(pressure=float(np.clip(0.3 + random.normal(0.0, 0.05), 0.0, 1.0)))
+            play.at = place
+            play.stage.advance(1.0 / rate + float(random.uniform(-0.3, 0.3)) / rate)
+
+    noisy((0.0, 2.0), 1.6)
+    play.send(contact=False, in_range=False)  # out of range in mid-stroke
+    play.wait(3.5)
+    assert play.kinds() == ["Locomotion"]
+    assert play.hips()[-1, 2] == pytest.approx(2.0, abs=0.08)
+    noisy((0.45, 0.0), 0.3)
+    play.send(contact=False)
+    play.wait(2.5)
+    assert play.kinds() == ["Locomotion", "Step"]
+    play.send()
+    play.wait(0.1)
+    play.send(contact=False)
+    play.wait(0.3)
+    play.at = (play.at[0], play.at[1] + 0.8)
+    play.send()
+    play.wait(3.0)
+    assert play.kinds() == ["Locomotion", "Step", "Jump"]
+    assert play.hips()[-1, 2] == pytest.approx(2.8, abs=0.15)
