@@ -30,12 +30,14 @@ STRIDE = 0.04
 MOST_STRIDES = 10
 PUSHES = 6
 """Most pushes after one stride."""
-SLIDE, CREEP = 1.5, 0.30
+SLIDE, CREEP = 1.5, 0.20
 """How much faster than its goal a limb slides along something, and m/s at which it does where the goal rests."""
 SLIDE_TURN, CREEP_TURN = 12.0, 1.0
 """rad/m and rad/s: the same for the turn of its elbow or knee."""
 LEAST_PROGRESS = 0.012
 """m/s: one that comes no nearer than this stays where it is."""
+SHALLOW = 0.003
+"""m: an overlap that is mended gently."""
 PUSH_HALF_LIFE = 0.25
 """s in which the turn of an elbow that avoided something goes back."""
 
@@ -148,7 +150,14 @@ def deepest_contact(
 
 @kernel
 def push_limb(
-    rig: Rig, st: State, limb: int, push: Array, depth: float, positions_ws: Array, rotations_ws: Array
+    rig: Rig,
+    st: State,
+    limb: int,
+    push: Array,
+    depth: float,
+    most_turn: float,
+    positions_ws: Array,
+    rotations_ws: Array,
 ) -> None:
     """Move a limb's end, and turn its elbow or knee, so that the contact moves ``depth`` (m) out."""
     upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
@@ -190,7 +199,7 @@ def push_limb(
         st.points[row, k] += move * push[k]
     if radius > 0.02:
         turn = depth * by_hinge / total / radius
-        turn = min(0.2, max(-0.2, turn))
+        turn = min(most_turn, max(-most_turn, turn))
         st.swivels[limb] += turn
 
 
@@ -286,20 +295,25 @@ def avoid(
         farthest = SLIDE * moved[limb] + CREEP * dt
         share = min(1.0, farthest / max(way, 1e-9))
         strides = min(MOST_STRIDES, max(1, int(np.ceil(way * share / STRIDE))))
+        pushes, most_turn, deepest = PUSHES, 0.2, 1.0
         if not was_free:
-            # The body moved into it: only out, not on.
+            # The body moved into it: only out, not on; and gently while it is hardly in.
             share, strides = 0.0, 1
+            if gap > -SHALLOW:
+                pushes, most_turn, deepest = 1, CREEP_TURN * dt, CREEP * dt
         turn_left = share * (wanted - swivels_before[limb])
         for stride in range(strides):
             for k in range(3):
                 st.points[row, k] += (goal[k] - st.points[row, k]) * share / (strides - stride * share)
             st.swivels[limb] += turn_left / strides
-            for _ in range(PUSHES):
+            for _ in range(pushes):
                 place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
                 gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
                 if gap >= 0.0:
                     break
-                push_limb(rig, st, limb, push, gains.clearance - gap, positions_ws, rotations_ws)
+                push_limb(
+                    rig, st, limb, push, min(deepest, gains.clearance - gap), most_turn, positions_ws, rotations_ws
+                )  # fmt: skip
         place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])

@@ -19,6 +19,8 @@ NARROW, WIDE, LONG = 0.12, 0.45, 0.28
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
 NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.07, 0.20
 """m: how far the pelvis gets from the line between both feet, past its ends, or from the one that stands."""
+CALM_KNEE = 0.75
+"""rad/s: the fastest that a knee turns by relaxing."""
 LOWEST_PELVIS = 0.25
 """m above the floor."""
 
@@ -171,3 +173,21 @@ def lean_room(rig: Rig, positions_ws: Array, planted: Array, heading: float, out
             out[0] = min(out[0], (HIP_FLEXION - thigh) / PELVIS_BACK_RATIO, FOLD - thigh)
             out[1] = min(out[1], 1.0 - 0.8 * min(1.0, max(0.0, thigh - 0.35) / 0.9))
     out[0] = max(out[0], 0.1)
+
+
+@kernel
+def knee_pace(rig: Rig, limb: int, hip: Array, ankle: Array, velocity: Array) -> float:
+    """The share (0..1) of ``velocity`` (3, m/s, of the ankle against the hip) that keeps the knee calm.
+
+    A nearly straight leg turns its knee fast for little way.
+    """
+    upper, lower = rig.lengths[limb, 0], rig.lengths[limb, 1]
+    r, along = 0.0, 0.0
+    for k in range(3):
+        r += (ankle[k] - hip[k]) ** 2
+        along += (ankle[k] - hip[k]) * velocity[k]
+    r = max(sqrt(r), 1e-6)
+    c = (r * r - upper * upper - lower * lower) / (2.0 * upper * lower)
+    s = sqrt(max(1.0 - c * c, 0.02))
+    rate = abs(along) / (upper * lower * s)
+    return min(1.0, CALM_KNEE / max(rate, 1e-9))

@@ -22,7 +22,7 @@ from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, s
 from bunraku.nodes.controller.blend import blend_point, blend_turn
 from bunraku.nodes.controller.collision import Contacts, avoid, place_limb, unpack_contacts
 from bunraku.nodes.controller.interaction import end_from_trunk, trunk_from_ends
-from bunraku.nodes.controller.legs import keep_pelvis_over_feet, landing_place, lean_room, pelvis_home
+from bunraku.nodes.controller.legs import keep_pelvis_over_feet, knee_pace, landing_place, lean_room, pelvis_home
 from bunraku.nodes.controller.relaxing import (
     carry_hand,
     carry_turn,
@@ -31,6 +31,7 @@ from bunraku.nodes.controller.relaxing import (
     relax_point,
     relax_turn,
     twist_of,
+    wanted_velocity,
     yaw_turn,
 )
 from bunraku.nodes.controller.state import (
@@ -193,8 +194,7 @@ def move_ends(
 
     Writes flags (5,): which points are driven now; arms (2, 3): free hands against their shoulders.
     """
-    aim = np.empty(3)
-    aside = np.empty(3)
+    aim, aside, wanted = np.empty(3), np.empty(3), np.empty(3)
     c, s = cos(st.heading[0]), sin(st.heading[0])
     for limb in range(4):
         row = limb + 1
@@ -260,8 +260,10 @@ def move_ends(
             )  # fmt: skip
         elif st.planted[limb - 2] < 0.5 and st.step[PHASE] == IDLE:
             side = limb - 2
+            wanted_velocity(st.points[row], goals[row], gains.relax_feet, LANDING_TIME, wanted)
+            calm = max(0.05, knee_pace(rig, limb, positions_ws[rig.limbs[limb, 0]], st.points[row], wanted))
             relax_point(
-                st.points[row], st.velocities[row], goals[row], gains.relax_feet, LANDING_TIME,
+                st.points[row], st.velocities[row], goals[row], calm * gains.relax_feet, LANDING_TIME / calm,
                 gains.ease_time, dt,
             )  # fmt: skip
             if st.points[row, 1] <= rig.ankle_heights[side] + 5e-4:
@@ -615,9 +617,8 @@ def advance(
                 st.pelvis_rest[k] += st.points[0, k] - goals[0, k]
                 goals[0, k] = st.points[0, k]
         if gains.relax_pelvis > 0.0:
-            calm = np.zeros(3)
-            pace = np.zeros(3)
-            relax_point(st.pelvis_rest, pace, calm, gains.relax_pelvis, gains.relax_time, 1e-6, dt)
+            nowhere, at_once = np.zeros(3), np.zeros(3)
+            relax_point(st.pelvis_rest, at_once, nowhere, gains.relax_pelvis, gains.relax_time, 1e-6, dt)
         relax_point(st.points[0], st.velocities[0], goals[0], gains.relax_ends, gains.relax_time, gains.ease_time, dt)
     st.held[0] = flags[0]
     # Hands and feet.

@@ -46,7 +46,7 @@ class Gains(NamedTuple):
     """Half-life of what a grab, a release or a jump of the target leaves to even out."""
     swivel_half_life: float = 0.04
     """Half-life with which elbows and knees follow their swivel."""
-    input_speed: float = 8.0
+    input_speed: float = 6.0
     """m/s: a target that moves faster has jumped, and the jump is evened out."""
     turn_speed: float = 2.5
     """rad/s at which the figure turns."""

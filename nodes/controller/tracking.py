@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 FORWARD, BACKWARD, SIDEWARD = float(TRUNK_LEAN[0]), float(TRUNK_LEAN[1]), float(TRUNK_LEAN[2])
 MOST_TWIST = float(TRUNK_TWIST)
+SHORTEST = 1.0 / 120.0
+"""s: targets that come closer together are not taken for fast."""
 
 
 @kernel
@@ -35,7 +37,7 @@ def follow_point(
         x: (3) m, where the point is; it counts when it is grabbed.
         aim: (3) m, where it was wanted; it is brought up to date.
         velocity: (3) m/s that it had; it is brought up to date.
-        fastest: m/s; what the target moved beyond it goes into the offset.
+        fastest: m/s; a target that moves faster has jumped, and the jump goes into the offset.
     """
     moved = 0.0
     for k in range(3):
@@ -46,10 +48,9 @@ def follow_point(
             before[k] = target[k]
         moved += (target[k] - before[k]) ** 2
     moved = sqrt(moved)
-    allowed = fastest * max(dt, 1.0 / 60.0)
-    if moved > allowed:
+    if moved > fastest * max(dt, SHORTEST):
         for k in range(3):
-            offset[k] -= (target[k] - before[k]) * (1.0 - allowed / moved)
+            offset[k] -= target[k] - before[k]
     spring_decay_into(offset, rate, half_life, dt)
     for k in range(3):
         new = target[k] + offset[k]
@@ -76,10 +77,9 @@ def follow_turn(
     mul_inv(target, before, q)
     log(q, v)
     moved = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    allowed = fastest * max(dt, 1.0 / 60.0)
-    if moved > allowed:
+    if moved > fastest * max(dt, SHORTEST):
         for k in range(3):
-            offset[k] -= v[k] * (1.0 - allowed / moved)
+            offset[k] -= v[k]
     spring_decay_into(offset, rate, half_life, dt)
     new = np.empty(4)
     quat_exp(offset, q)
