@@ -5,6 +5,8 @@ from typing import Literal
 
 from bunraku.msgs import Touch
 
+MOST_FINGERS = 40
+"""Of all devices together: more are left out."""
 Key = tuple[str, int]
 """Device and contact id."""
 
@@ -50,6 +52,8 @@ class ContactTable:
             if known and one.phase == "down":
                 ends.append(Change(key, "up", *self.live[key]))
                 known = False
+            if not known and len(self.live) >= MOST_FINGERS:
+                continue
             rest.append(Change(key, "move" if known else "down", one.x, one.y))
             self.live[key] = (one.x, one.y)
         for key in [key for key in self.live if key[0] == touch.device and key not in listed]:

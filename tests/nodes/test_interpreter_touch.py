@@ -500,3 +500,16 @@ def test_what_is_held_stays_while_another_finger_turns_the_view() -> None:
     moved = np.array(table.target.left_hand) - before
     assert abs(moved[2]) > 0.05
     assert abs(moved[0]) < 1e-3
+
+
+def test_a_flood_of_fingers_and_devices_stays_bounded() -> None:
+    table = Table(forget=1.0)
+    for device in range(60):
+        table.send(
+            *[Contact(id=k, phase="down", x=0.01 * k, y=0.02 * k) for k in range(40)], device=f"device-{device}"
+        )
+    core = table.node.cores["figure"]
+    assert len(core.fingers) <= 40  # type: ignore[attr-defined]
+    table.stage.advance(2.0)
+    assert core.fingers == {}  # type: ignore[attr-defined]
+    assert core.contacts.heard == {}  # type: ignore[attr-defined]
