@@ -237,11 +237,10 @@ def early_errors(count: int = 200, seed: int = 5) -> tuple[int, int]:
         early = False
         for k in range(frames + 1):
             s = k / frames
-            place = (0.0, length * s * s * (3 - 2 * s))
+            shake = random.normal(0.0, 0.004, 2)
+            place = (float(shake[0]), length * s * s * (3 - 2 * s) + float(shake[1]))
             for event in track.hear(Sample(10.0 + k / RATE, place, True)):
-                stroke = track.stroke
-                fast = stroke.fast_since is not None and track.moved_at - stroke.fast_since >= RULES.early_time
-                early = early or (event.kind == "moving" and fast and stroke.reach >= RULES.early_step)
+                early = early or (event.kind == "moving" and track.stroke.unambiguous(track.moved_at, RULES))
         wrong += early
     return wrong, count
 

@@ -255,8 +255,7 @@ class PenCore:
         rules, stroke = self.rules, self.track.stroke
         if stroke.length > rules.longest_step:
             return True
-        fast = stroke.fast_since is not None and self.track.moved_at - stroke.fast_since >= rules.early_time
-        return self.early and fast and stroke.reach >= rules.early_step
+        return self.early and stroke.unambiguous(self.track.moved_at, rules)
 
     def _lengthen(self, walk: Walk) -> None:
         fresh = self.track.stroke.points[walk.taken :]

@@ -23,12 +23,16 @@ class PenRules:
     """m: a shorter stroke is no step."""
     longest_step: float = 0.75
     """m: a longer stroke is locomotion."""
-    early_step: float = 0.40
+    early_step: float = 0.50
     """m after which an unambiguous stroke starts early (an option)."""
     early_speed: float = 1.2
     """m/s of the pen that makes it unambiguous."""
     early_time: float = 0.12
     """s of such speed before it does."""
+    early_share: float = 0.95
+    """Of its greatest speed, under which a stroke slows down and is ambiguous: a step's stroke slows to its end."""
+    early_lag: float = 0.02
+    """s, low-pass of the speed that is compared."""
     bounce_time: float = 0.025
     """s: a shorter loss of contact is none."""
     jump_time: float = 0.70

@@ -51,11 +51,20 @@ class Stroke:
     points: list[StrokePoint] = field(default_factory=list)
     began: float = 0.0  # s
     fast_since: float | None = None
+    quick: float = 0.0
+    """m/s now."""
+    peak: float = 0.0
+    """m/s at most so far."""
 
     @property
     def length(self) -> float:
         """m along the stroke."""
         return self.points[-1].arc if self.points else 0.0
+
+    def unambiguous(self, now: float, rules: PenRules) -> bool:
+        """Whether it can only become locomotion: far and fast, and not slowing down."""
+        fast = self.fast_since is not None and now - self.fast_since >= rules.early_time
+        return fast and self.reach >= rules.early_step and self.quick >= rules.early_share * self.peak
 
     @property
     def reach(self) -> float:
@@ -197,6 +206,9 @@ class PenTrack:
         step = distance(here, self.stroke.points[-1].place)
         share = 1.0 - exp(-dt / rules.speed_lag)
         self._speed += (step / dt - self._speed) * share if self.stroke.length > 0.0 else step / dt
+        stroke = self.stroke
+        stroke.quick += (step / dt - stroke.quick) * (1.0 - exp(-dt / rules.early_lag))
+        stroke.peak = max(stroke.peak, stroke.quick)
         if self._speed < rules.early_speed:
             self.stroke.fast_since = None
         elif self.stroke.fast_since is None:

@@ -298,7 +298,12 @@ def test_an_unambiguous_stroke_can_start_early() -> None:
         tablet.line((0.0, 2.0), 1.0)
         return next(one.path[-1].z for one in tablet.commands if isinstance(one, Locomotion))
 
-    assert begin(True) < 0.5 < RULES.longest_step < begin(False)
+    assert begin(True) < 0.6 < RULES.longest_step < begin(False)
+    quick = Tablet(early=True)
+    quick.stroke(lambda s: (0.0, 0.65 * s * s * (3.0 - 2.0 * s)), 0.35)  # fast, but it slows down to its end
+    quick.lift()
+    quick.wait(0.5)
+    assert quick.kinds() == ["Step"]
     slow = Tablet(early=True)
     slow.line((0.0, 0.6), 0.6)
     slow.lift()
