@@ -6,7 +6,7 @@ from motion to motion without a step, and holds the feet. It knows nothing of me
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import exp, inf, isnan, sqrt
 from typing import Any, Literal
 
@@ -47,7 +47,6 @@ class Pace:
 
 
 PACE = Pace()
-CANONICAL_CYCLES = ("walk", "jog", "run", "sneak", "march")
 
 
 @dataclass(frozen=True, eq=False)
@@ -600,4 +599,4 @@ def _unpacked(saved: list[Any]) -> Path:
     return Path(float(saved[0]), rows[:, 0:2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:8], float(saved[1]))
 
 
-__all__ = ["PACE", "Pace", "Path", "Player", "Voice", "path_of", "replace", "voices"]
+__all__ = ["PACE", "Pace", "Path", "Player", "Voice", "path_of", "voices"]

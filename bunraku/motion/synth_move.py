@@ -51,7 +51,7 @@ def _home(frame: Frame, side: int) -> Array:
     return np.array([SIGN[side] * frame.width * 0.95, 0.0, 0.0])
 
 
-def _rooms(frame: Frame) -> float:
+def _standing_height(frame: Frame) -> float:
     """Root height in quiet standing, m."""
     return float(frame.soles[0].height + STAND * frame.leg - frame.hip_offsets[0, 1])
 
@@ -60,7 +60,7 @@ def _plan(frame: Frame, times: Array) -> Plan:
     """Quiet standing, to be changed."""
     n = len(times)
     plan = Plan(
-        root=np.tile([0.0, _rooms(frame), 0.0], (n, 1)),
+        root=np.tile([0.0, _standing_height(frame), 0.0], (n, 1)),
         heading=np.zeros(n),
         ankles=np.zeros((2, n, 3)),
         foot_yaw=np.zeros((2, n)),
@@ -136,7 +136,7 @@ def stand(name: str, frame: Frame, tilt: float, bend: float, duck: float) -> Mad
 def _posture(frame: Frame, plan: Plan, tilt: Array, bend: Array, duck: Array) -> None:
     """Lean and duck (F) on top of a plan: the hips go the other way, so that the weight stays over the feet."""
     size = frame.length
-    sink = np.maximum(duck * 0.4 * frame.leg - (frame.standing - _rooms(frame)), 0.0)
+    sink = np.maximum(duck * 0.4 * frame.leg - (frame.standing - _standing_height(frame)), 0.0)
     back = 0.16 * np.sin(bend) * (bend > 0) + 0.10 * np.sin(bend) * (bend < 0)
     c, s = np.cos(plan.heading), np.sin(plan.heading)
     x = -0.10 * size * np.sin(tilt)
@@ -325,7 +325,7 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
     times = np.arange(frames + 1) / FPS
     t = times / scale
     plan = _plan(frame, times)
-    home = _rooms(frame)
+    home = _standing_height(frame)
     height_off = tiptoe
     # Root height: crouch, push (smooth to the take-off speed), parabola, absorb (from the landing speed), rise.
     y = np.zeros(len(t))
@@ -434,7 +434,7 @@ def _jump_body(
 ) -> None:
     """Trunk and arms: folded and swung back in the crouch, thrown up at take-off, out to the front on landing."""
     effort = min(0.45 + 1.1 * height + 0.35 * abs(ahead), 1.25)
-    fold = np.degrees(0.0) + 26.0 + 60.0 * low
+    fold = 26.0 + 60.0 * low
     fold_land = 14.0 + 60.0 * dip
     fly = 6.0 * np.clip(ahead, 0.0, 1.0)
     trunk = _smooth(
