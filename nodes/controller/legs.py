@@ -17,7 +17,7 @@ HIP_FLEXION, FOLD = 1.95, 2.35
 """rad: how far a hip bends, and how far trunk and thigh fold before they touch."""
 NARROW, WIDE, LONG = 0.12, 0.45, 0.28
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
-NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.07, 0.20
+NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.05, 0.20
 """m: how far the pelvis gets from the line between both feet, past its ends, or from the one that stands."""
 CALM_KNEE = 0.75
 """rad/s: the fastest that a knee turns by relaxing."""

@@ -619,7 +619,16 @@ def advance(
         if gains.relax_pelvis > 0.0:
             nowhere, at_once = np.zeros(3), np.zeros(3)
             relax_point(st.pelvis_rest, at_once, nowhere, gains.relax_pelvis, gains.relax_time, 1e-6, dt)
-        relax_point(st.points[0], st.velocities[0], goals[0], gains.relax_ends, gains.relax_time, gains.ease_time, dt)
+        wanted, calm = np.empty(3), 1.0
+        wanted_velocity(st.points[0], goals[0], gains.relax_reach, gains.relax_time, wanted)
+        for side in range(2):
+            if st.planted[side] > 0.5 and not over:
+                pace = knee_pace(rig, 2 + side, positions_ws[rig.limbs[2 + side, 0]], st.points[3 + side], wanted)
+                calm = min(calm, max(0.05, pace))
+        relax_point(
+            st.points[0], st.velocities[0], goals[0], calm * gains.relax_reach, gains.relax_time / calm,
+            gains.ease_time, dt,
+        )  # fmt: skip
     st.held[0] = flags[0]
     # Hands and feet.
     for n in range(5):
