@@ -1,8 +1,10 @@
 """A stage over ZeroMQ: one process, one node, one thread, one poller."""
 
 import contextlib
+import ctypes
 import json
 import os
+import stat
 import time
 from collections import deque
 from collections.abc import Callable
@@ -16,7 +18,7 @@ import zmq
 from bunraku.msgs import Clock as ClockMessage
 from bunraku.msgs import InvalidMessage, TopicKind, decode
 from bunraku.runtime.clock import Clock, RealClock, ToldClock
-from bunraku.runtime.names import STACK, file_of, resolve
+from bunraku.runtime.names import NAME, STACK, file_of, resolve
 from bunraku.runtime.node import Input, Node, Subscription
 from bunraku.runtime.topics import TopicReader, TopicWriter
 
@@ -55,6 +57,7 @@ class ZmqStage:
         os.set_blocking(self._wake_in, False)
         self.watch(self._wake_out, self._drain_wake)
         self._scan_at = 0.0
+        self._flooded = False
         if bag_clock:
             reader = TopicReader(self.context, folder, "clock")
             self._closing = [reader]
@@ -171,6 +174,9 @@ class ZmqStage:
         if due is not None and due <= self.clock.now():
             self._step(node, self._side(node))
         node.report_dropped(self.clock.now())
+        if self._flooded and not events:  # quiet again after messages that were dropped
+            self._flooded = False
+            _return_memory()
         self._scan()
 
     def drain(self, node: Node, seconds: float) -> None:
@@ -208,7 +214,9 @@ class ZmqStage:
                     self._guard(partial(node.take_raw, subscription, reader.topic, body))
                     continue
                 trigger = node.receive(subscription, reader.topic, body)
-                if trigger is not None:
+                if trigger is None:
+                    self._flooded = True
+                else:
                     self._step(node, [*self._side(node), trigger])
         elif source in self._readers:
             self._step(node, self._side(node), self._readers[source])
@@ -256,9 +264,8 @@ class ZmqStage:
             return
         self._scan_at = now + SCAN_EVERY
         with os.scandir(self.folder) as entries:
-            names = sorted(entry.name for entry in entries if entry.name.endswith(".json"))
-        for name in names:
-            topic = name[: -len(".json")].replace(".", "/")
+            found = {_topic_of(entry) for entry in entries} - {""}
+        for topic in sorted(found):
             for pattern, subscription in self._patterns:
                 known = (topic, subscription.handler) in self._connected
                 if not known and fnmatchcase(topic, pattern) and self._wanted(topic):
@@ -278,6 +285,25 @@ class ZmqStage:
                 message: ClockMessage = decode(ClockMessage, body)
                 if isinstance(self.clock, ToldClock):
                     self.clock.tell(message.now)
+
+
+def _topic_of(entry: "os.DirEntry[str]") -> str:
+    """The topic that a file of the run folder tells of, by its card or its socket; empty for any other file."""
+    stem, _, last = entry.name.rpartition(".")
+    if last == "json":
+        name = stem
+    elif last not in ("lock", "ctl", "state") and stat.S_ISSOCK(entry.stat(follow_symlinks=False).st_mode):
+        name = entry.name
+    else:
+        return ""
+    topic = name.replace(".", "/")
+    return topic if NAME.fullmatch(topic) else ""
+
+
+def _return_memory() -> None:
+    """Give free heap back to the system (glibc)."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _launched_together() -> list[str]:
