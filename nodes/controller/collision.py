@@ -229,7 +229,7 @@ def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
 
 @kernel
 def avoid(
-    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, flags: Array, before: Array,
+    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, flags: Array,
     swivels_before: Array, plain: Array, moved: Array, rotations_ls: Array, positions_ws: Array,
     rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
@@ -240,7 +240,7 @@ def avoid(
 
     Args:
         flags: (5,) which points are driven; a motion's own limbs are left as they are.
-        before: (5, 3) m, the points of the last step; swivels_before: (4,) rad likewise.
+        swivels_before: (4,) rad, of the last step.
         plain: (4,) rad, the swivels without what earlier contacts added.
         moved: (4,) m, how far each limb's goal has moved: what touches something slides about as fast.
     """
@@ -264,13 +264,15 @@ def avoid(
         row = limb + 1
         fixed = limb >= 2 and st.planted[limb - 2] > 0.5
         if fixed:
+            for k in range(3):
+                st.wishes[limb, k] = st.points[row, k]
             continue
         limited = flags[row] > 0.5 or under.active[0] < 0.5
         root = positions_ws[rig.limbs[limb, 0]]
         for k in range(3):
             goal[k] = st.points[row, k]
             # The last place, taken along with the shoulder or hip.
-            start[k] = before[row, k] + root[k] - st.roots[limb, k]
+            start[k] = st.wishes[limb, k] + root[k] - st.roots[limb, k]
         wanted = st.swivels[limb]
         yields(rig, st, flags, limb, yielding)
         place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
@@ -279,8 +281,9 @@ def avoid(
         if gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
             if gap > 0.03:
                 st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
-            if limited:
-                for k in range(3):
+            for k in range(3):
+                st.wishes[limb, k] = goal[k]
+                if limited:
                     st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
             continue
         st.mode[2] = 1.0
@@ -331,4 +334,5 @@ def avoid(
         st.extra[limb] = st.swivels[limb] - under.swivels[limb]
         st.extra_rates[limb] = 0.0
         for k in range(3):
+            st.wishes[limb, k] = st.points[row, k]
             st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]

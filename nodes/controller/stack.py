@@ -549,6 +549,9 @@ def advance(
                 for k in range(3):
                     st.points[1 + limb, k] = st.roots[limb, k] + goals[1 + limb, k]
             turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, before, plain, dt)
+        for limb in range(4):
+            for k in range(3):
+                st.wishes[limb, k] = st.points[1 + limb, k]
         st.mode[0] = 2.0
     for n in range(5):
         for k in range(3):
@@ -682,7 +685,7 @@ def advance(
         # What is free moves only as fast as it relaxes.
         moved[limb] = sqrt(way) if flags[1 + limb] > 0.5 else min(sqrt(way), gains.relax_ends * dt)
     avoid(
-        rig, gains, st, under, contacts, flags, before, swivels_before, plain, moved, rotations_ls, positions_ws,
+        rig, gains, st, under, contacts, flags, swivels_before, plain, moved, rotations_ls, positions_ws,
         rotations_ws, dt,
     )  # fmt: skip
 
