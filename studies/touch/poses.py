@@ -37,7 +37,7 @@ class Goal:
 GOALS = (
     Goal("1", "one arm raised", ("left_hand",), held={"left_hand": (0.50, 1.72, 0.05)}),
     Goal("2", "both arms, leaning", ("trunk", "left_hand", "right_hand"), lean=(0.0, -0.22),
-         held={"left_hand": (0.42, 1.80, 0.05), "right_hand": (-0.62, 1.15, 0.05)}),
+         held={"left_hand": (0.44, 1.60, 0.05), "right_hand": (-0.60, 1.10, 0.05)}),
     Goal("3", "crouch with both arms", ("pelvis", "left_hand", "right_hand"),
          held={"pelvis": (0.03, 0.72, 0.0), "left_hand": (0.60, 1.05, 0.05), "right_hand": (-0.35, 1.55, 0.05)}),
     Goal("4", "turned, hands before the chest", ("turn", "left_hand", "right_hand"), ("left_hand", "right_hand"),
