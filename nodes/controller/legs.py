@@ -13,11 +13,13 @@ from bunraku.nodes.controller.state import ANKLE_BEND, TRUNK_LEAN
 Array = NDArray[np.float64]
 
 ANKLE, FORWARD = float(ANKLE_BEND), float(TRUNK_LEAN[0])
-HIP_FLEXION, FOLD = 1.95, 2.35
+HIP_FLEXION, FOLD = 1.88, 2.15
 """rad: how far a hip bends, and how far trunk and thigh fold before they touch."""
-NARROW, WIDE, LONG = 0.12, 0.45, 0.28
+LANDING_HIGH, LANDING_BLEND = 0.16, 0.08  # m above the ground where the pelvis begins to meet a landing foot
+LANDING_REACH = 0.965  # share of the leg's length with which a foot lands
+NARROW, WIDE, LONG = 0.12, 0.45, 0.24
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
-NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.05, 0.20
+NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.03, 0.20
 """m: how far the pelvis gets from the line between both feet, past its ends, or from the one that stands."""
 CALM_KNEE = 0.75
 """rad/s: the fastest that a knee turns by relaxing."""
@@ -126,6 +128,27 @@ def landing_place(rig: Rig, side: int, x: Array, anchor: Array, over_foot: bool,
     out[0] = anchor[0] + c * sign * aside + s * ahead
     out[1] = rig.ankle_heights[side]
     out[2] = anchor[2] - s * sign * aside + c * ahead
+
+
+@kernel
+def sink_to_land(rig: Rig, side: int, foot: Array, landing: Array, pelvis: Array, heading: float) -> float:
+    """How far the pelvis (3, m) must sink for a free foot (3, m) that is near the ground to reach its landing (3).
+
+    A straight standing leg leaves the other one hanging wherever it is not right below its hip.
+    """
+    near = min(1.0, max(0.0, (LANDING_HIGH - (foot[1] - landing[1])) / LANDING_BLEND))
+    if near <= 0.0:
+        return 0.0
+    c, s = cos(heading), sin(heading)
+    hip = rig.limbs[2 + side, 0]
+    x = rig.rest_positions[hip, 0] - rig.rest_positions[0, 0]
+    y = rig.rest_positions[hip, 1] - rig.rest_positions[0, 1]
+    z = rig.rest_positions[hip, 2] - rig.rest_positions[0, 2]
+    dx = landing[0] - (pelvis[0] + c * x + s * z)
+    dz = landing[2] - (pelvis[2] + c * z - s * x)
+    leg = LANDING_REACH * rig.reach[2 + side, 1]
+    tall = sqrt(max(0.25 * leg * leg, leg * leg - dx * dx - dz * dz))
+    return near * max(0.0, pelvis[1] + y - landing[1] - tall)
 
 
 @kernel

@@ -15,14 +15,21 @@ from bunraku.figure.jit import kernel
 from bunraku.figure.limb import swivel_of
 from bunraku.figure.mass import center_of_mass_into
 from bunraku.figure.pointpose import default_swivel, level_weight, reconstruct_into
-from bunraku.figure.quat import exp, inv_rotate, log, mul_inv, slerp
+from bunraku.figure.quat import angle, exp, inv_rotate, log, mul_inv, slerp
 from bunraku.figure.rig import Rig, unpack_rig
 from bunraku.figure.spring import lag, spring_to_into
 from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
 from bunraku.nodes.controller.blend import blend_point, blend_turn
 from bunraku.nodes.controller.collision import Contacts, avoid, place_limb, unpack_contacts
 from bunraku.nodes.controller.interaction import end_from_trunk, trunk_from_ends
-from bunraku.nodes.controller.legs import keep_pelvis_over_feet, knee_pace, landing_place, lean_room, pelvis_home
+from bunraku.nodes.controller.legs import (
+    keep_pelvis_over_feet,
+    knee_pace,
+    landing_place,
+    lean_room,
+    pelvis_home,
+    sink_to_land,
+)
 from bunraku.nodes.controller.relaxing import (
     carry_hand,
     carry_turn,
@@ -70,6 +77,10 @@ SWIVEL_PER_WAY, SWIVEL_RATE = 12.0, 0.3
 """rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
 LANDING_TIME = 0.45
 """Time constant of the last bit of a sinking foot, s."""
+STILL_BENDS = 0.01
+"""rad by which the trunk bends in a round in which the knees still wait."""
+REACH_DUCK = 0.74
+"""Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 HANG = (0.17, -0.97, 0.10)
 """Direction of the left arm at rest."""
 
@@ -132,6 +143,9 @@ def find_goals(rig: Rig, st: State, under: Under, goals: Array, goal_turns: Arra
             landing_place(rig, limb, st.points[3 + limb], st.points[3 + other], True, heading, goals[3 + limb])
         else:
             landing_place(rig, limb, st.points[3 + limb], st.points[0], False, heading, goals[3 + limb])
+    for limb in range(2):
+        if st.planted[limb] < 0.5 and st.planted[1 - limb] > 0.5:
+            goals[0, 1] -= sink_to_land(rig, limb, st.points[3 + limb], goals[3 + limb], goals[0], heading)
     yaw_turn(heading, goal_turns[0])
     yaw_turn(heading, goal_turns[1])
 
@@ -319,6 +333,9 @@ def agree(
     pelvis_free, trunk_free = flags[0] < 0.5, held.flags[5] < 0.5
     stepping = st.step[PHASE] != IDLE
     over = under.active[0] > 0.5
+    # A pelvis that is held, or was left low, may be low; a reach alone does not pull it far down.
+    low = not pelvis_free or st.pelvis_rest[1] < -0.02
+    duck = gains.duck if low else max(gains.duck, REACH_DUCK)
     back = rig.back[0]
     size = 0
     # A pelvis that is held where no leg reaches must not be looked at there.
@@ -326,7 +343,7 @@ def agree(
         for side in range(2):
             hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
     keep_pelvis_over_feet(
-        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, False,
+        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False,
         not stepping and not over,
     )  # fmt: skip
     for round_ in range(ROUNDS + LAST_ROUNDS):
@@ -386,6 +403,9 @@ def agree(
                         under.turns[0], room, trunk_votes[0], rest,
                     )  # fmt: skip
                     trunk_weights[0] = gains.w_tracking
+                    mul_inv(trunk_votes[0], st.turns[0], turn)
+                    if angle(turn) > STILL_BENDS and rest[1] < 0.0:
+                        rest[1] *= 0.1  # down with the trunk first, then with the knees
                 if pelvis_free:
                     for k in range(3):
                         pelvis_votes[0, k] = st.points[0, k] + rest[k]
@@ -423,7 +443,7 @@ def agree(
             blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
             keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
         keep_pelvis_over_feet(
-            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, last_word,
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
             not stepping and not over,
         )  # fmt: skip
         moved = 0.0
@@ -745,10 +765,10 @@ def keep_head(st: State, under: Under) -> None:
     q, v = np.empty(4), np.empty(3)
     mul_inv(st.turns[1], st.turns[0], q)
     log(q, v)
-    angle = sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
-    if angle > 1.0 and under.active[0] < 0.5:
+    off = sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    if off > 1.0 and under.active[0] < 0.5:
         for k in range(3):
-            v[k] *= 1.0 / angle
+            v[k] *= 1.0 / off
         exp(v, q)
         w = np.empty(4)
         for k in range(4):

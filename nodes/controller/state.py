@@ -70,7 +70,7 @@ TRUNK_LEAN = np.radians([80.0, 30.0, 38.0])
 """How far the trunk leans forward, backward and to a side (rad, pelvis and back together)."""
 TRUNK_TWIST = np.radians(35.0)
 """How far the trunk turns against the figure's heading."""
-ANKLE_BEND = np.radians(38.0)
+ANKLE_BEND = np.radians(36.0)
 """How far the shin leans forward over a flat foot."""
 
 

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 FORWARD, BACKWARD, SIDEWARD = float(TRUNK_LEAN[0]), float(TRUNK_LEAN[1]), float(TRUNK_LEAN[2])
 MOST_TWIST = float(TRUNK_TWIST)
+STOOP = 1.2
+"""How far ahead of itself a shoulder goes for every metre that it has to go down."""
 SHORTEST = 1.0 / 120.0
 """s: targets that come closer together are not taken for fast."""
 
@@ -143,9 +145,13 @@ def reach_with_trunk(
         rest: (3) m, what is left for the pelvis.
     """
     lever, to, moved, q = np.empty(3), np.empty(3), np.empty(3), np.empty(4)
+    # The way down is forward: along the upright back itself no turn leads down.
+    ahead = STOOP * max(0.0, -wanted[1])
     for k in range(3):
         lever[k] = arm_root[k] - back[k]
         to[k] = lever[k] + wanted[k]
+    to[0] += ahead * sin(heading)
+    to[2] += ahead * cos(heading)
     between(lever, to, q)
     mul(q, turn, out_turn)
     keep_lean(out_turn, heading, lead, room)
