@@ -38,8 +38,7 @@ def poses() -> list[bytes]:
     turns = np.cumsum(random.normal(0, 0.003, (POSES, 21, 4)), axis=0) + np.array([0, 0, 0, 1])
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
     return [
-        Pose(stamp=1, seq=k, skeleton="s" * 16, root=turns[k, 0, :3], rotations=turns[k]).encode()
-        for k in range(POSES)
+        Pose(stamp=1, seq=k, skeleton="s" * 16, root=turns[k, 0, :3], rotations=turns[k]).encode() for k in range(POSES)
     ]
 
 

@@ -30,9 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         return one
 
     record = what("record", "record topics into a bag until Ctrl-C", file=False)
-    record.add_argument(
-        "topics", metavar="TOPIC", nargs="*", help="names or patterns such as 'alice/*' (default: all)"
-    )
+    record.add_argument("topics", metavar="TOPIC", nargs="*", help="names or patterns such as 'alice/*' (default: all)")
     record.add_argument("-o", "--output", metavar="FILE", required=True, help="the bag to write")
     record.add_argument("--overwrite", action="store_true", help="replace a bag that exists")
     record.add_argument("--compression", choices=["zstd", "lz4", "none"], default="zstd", help="default: zstd")

@@ -34,9 +34,7 @@ def play(args: argparse.Namespace, folder: Path) -> int:
     with Bag(args.file) as bag:
         channels = bag.channels
         speaking = {topic for topic in channels if topic.split("/")[-2:-1] and topic.split("/")[-2] in OWN}
-        topics = (
-            sorted(channels.keys() - speaking) if args.topics is None else chosen(channels, args.topics, args.file)
-        )
+        topics = sorted(channels.keys() - speaking) if args.topics is None else chosen(channels, args.topics, args.file)
         if not topics:
             raise Problem(f"{args.file}: no topics to play; see bunraku bag info {args.file}", USAGE)
         names = _names(topics, pairs(args.remap, "--remap"), args.file)

@@ -18,9 +18,7 @@ FPS = 60.0
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument(
-        "-o", dest="output", metavar="FILE", help=f"write it; by the name's end: {', '.join(FORMATS)}"
-    )
+    parser.add_argument("-o", dest="output", metavar="FILE", help=f"write it; by the name's end: {', '.join(FORMATS)}")
     add_json(parser)
 
 

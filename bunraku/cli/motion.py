@@ -40,9 +40,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     build = verbs.add_parser("build", help="a motion set from a folder of captures")
     build.add_argument("folder", metavar="DIR", help="a folder with .bvh and .amc files")
     build.add_argument("-o", dest="output", metavar="SET", required=True, help="the motion set to write (.npz)")
-    build.add_argument(
-        "--recipe", metavar="TOML", help="use this recipe; else one is found and written beside the set"
-    )
+    build.add_argument("--recipe", metavar="TOML", help="use this recipe; else one is found and written beside the set")
     build.add_argument("--name", help="the set's name (default: the folder's)")
     add_json(build)
 
@@ -98,9 +96,7 @@ def _info(args: argparse.Namespace) -> int:
         print(table(rows, ["measure", "value", "unit"]))
     for number, cycle in enumerate(told["cycles"], 1):
         keys = "  ".join(f"{key:.2f}" for key in cycle["keys"])
-        print(
-            f"cycle {number}: {cycle['seconds']:.2f} s; left strike, right passes, right strike, left passes: {keys}"
-        )
+        print(f"cycle {number}: {cycle['seconds']:.2f} s; left strike, right passes, right strike, left passes: {keys}")
     if told["jump"]:
         print(f"jump: begin, deepest, take-off, apex, landing, end: {'  '.join(f'{k:.2f}' for k in told['jump'])}")
     for line in told["findings"]:

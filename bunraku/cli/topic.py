@@ -211,8 +211,7 @@ def _watch(folder: Path, args: argparse.Namespace) -> int:
 
 
 HZ = (
-    "{topic}: {hz} Hz, interval {min_ms}..{max_ms} ms, {messages} messages; "
-    "lost {lost} of {total}, restarts {restarts}"
+    "{topic}: {hz} Hz, interval {min_ms}..{max_ms} ms, {messages} messages; lost {lost} of {total}, restarts {restarts}"
 )
 BANDWIDTH = "{topic}: {bytes_per_s} B/s, {mean_bytes} B a message ({min_bytes}..{max_bytes}), {messages} messages"
 DELAY = (

@@ -67,14 +67,12 @@ def box_gap(
             sign = 1.0 if d >= 0.0 else -1.0
             axis[0], axis[1], axis[2] = sign * x, sign * y, sign * z
             if best >= enough:
-                return best
+                return float(best)
     return best
 
 
 @kernel
-def place_boxes_into(
-    box_centers: Array, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array
-) -> None:
+def place_boxes_into(box_centers: Array, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array) -> None:
     """World centres (J, 3) and axes (J, 3, 3) of every joint's box."""
     for joint in range(box_centers.shape[0]):
         rotate(rotations_ws[joint], box_centers[joint], centers[joint])

@@ -102,6 +102,4 @@ def default_figure() -> Skeleton:
             center, half = _BOX[key]
             box_centers[joint] = np.array(center) * mirror
             box_sizes[joint] = half
-    return Skeleton(
-        tuple(names), np.array(parents), np.array(offsets), roles, masses, centers, box_centers, box_sizes
-    )
+    return Skeleton(tuple(names), np.array(parents), np.array(offsets), roles, masses, centers, box_centers, box_sizes)

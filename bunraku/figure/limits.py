@@ -71,7 +71,7 @@ def joint_excess(limits: Limits, joint: int, turn: Array) -> float:
     angle = v[0] * limits.axes[joint, 0, 0] + v[1] * limits.axes[joint, 0, 1] + v[2] * limits.axes[joint, 0, 2]
     excess = max(limits.ranges[joint, 0, 0] - angle, angle - limits.ranges[joint, 0, 1])
     if limits.kinds[joint] == HINGE:
-        return max(excess, 0.0)
+        return float(max(excess, 0.0))
     log(swing, w)
     k2, size = 0.0, 0.0
     for n in range(1, 3):
@@ -81,7 +81,7 @@ def joint_excess(limits: Limits, joint: int, turn: Array) -> float:
         size += s * s
     if k2 > 1.0:
         excess = max(excess, sqrt(size) * (1.0 - 1.0 / sqrt(k2)))
-    return max(excess, 0.0)
+    return float(max(excess, 0.0))
 
 
 @kernel
@@ -127,7 +127,7 @@ def clamp_joint(limits: Limits, joint: int, turn: Array) -> float:
     quat_exp(v, twist)
     mul(swing, twist, swing)
     mul(swing, limits.centers[joint], turn)
-    return size * (1.0 - share) + abs(angle - kept)
+    return float(size * (1.0 - share) + abs(angle - kept))
 
 
 @kernel

@@ -75,9 +75,7 @@ def headings(clip: Clip) -> Array:
 
 def lean(clip: Clip) -> tuple[Array, Array]:
     """(F,) tilt to the left and (F,) bend forward, rad, of the line from the hips to the neck."""
-    top = next(
-        (clip.skeleton.roles[r] for r in ("neck", "head", "upperChest", "chest") if r in clip.skeleton.roles), 0
-    )
+    top = next((clip.skeleton.roles[r] for r in ("neck", "head", "upperChest", "chest") if r in clip.skeleton.roles), 0)
     line = rot.rotate(rot.yaw(-headings(clip)), clip.world[0][:, top] - hips(clip))
     return np.arctan2(line[:, 0], line[:, 1]), np.arctan2(line[:, 2], line[:, 1])
 

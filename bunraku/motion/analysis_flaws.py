@@ -99,9 +99,7 @@ def _spikes(clip: Clip, limits: FlawLimits) -> list[Flaw]:
                 continue
             speed = np.linalg.norm(np.diff(places[:, hand] - hips(clip), axis=0), axis=1) * clip.fps
             if speed.max() > limits.hand_speed:
-                found.append(
-                    Flaw("fast", int(np.argmax(speed)) + 1, f"the {side} hand moves at {speed.max():.0f} m/s")
-                )
+                found.append(Flaw("fast", int(np.argmax(speed)) + 1, f"the {side} hand moves at {speed.max():.0f} m/s"))
     return found
 
 
@@ -114,9 +112,7 @@ def _ground(clip: Clip, on: Flags, limits: FlawLimits) -> list[Flaw]:
     soles = sole_points(clip)[:, :, :2, 1]
     low = soles.min(axis=(1, 2)) - floor
     if float(low.min()) < -limits.depth:
-        found.append(
-            Flaw("under", int(np.argmin(low)), f"a foot is {-100 * float(low.min()):.0f} cm under the floor")
-        )
+        found.append(Flaw("under", int(np.argmin(low)), f"a foot is {-100 * float(low.min()):.0f} cm under the floor"))
     if float(middle[:, 1].min()) < floor - 0.02:
         frame = int(np.argmin(middle[:, 1]))
         found.append(

@@ -129,9 +129,7 @@ def _strike(ahead: Array, on: Flags, first: float, last: float, sign: float, lim
     if high <= low:
         return None
     peak = low + int(np.argmax(sign * ahead[low : high + 1]))
-    near = [
-        a for a, _ in runs(on) if a > 0 and low <= a <= high and abs(a - peak) <= limits.refine * (high - low) + 2
-    ]
+    near = [a for a, _ in runs(on) if a > 0 and low <= a <= high and abs(a - peak) <= limits.refine * (high - low) + 2]
     if near:
         return float(min(near, key=lambda a: abs(a - peak)))
     inside = 1 < peak < len(ahead) - 2

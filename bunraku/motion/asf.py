@@ -219,9 +219,7 @@ def _freedom(words: list[str], at: str) -> tuple[str, ...]:
     found = tuple(word.lower() for word in words)
     wrong = next((word for word in found if word not in (*_MOVES, *_TURNS, "l")), None)
     if wrong is not None or len(set(found)) != len(found):
-        raise CaptureError(
-            f"{at}: {(wrong or ' '.join(found))[:30]!r} are no degrees of freedom (rx ry rz tx ty tz l)"
-        )
+        raise CaptureError(f"{at}: {(wrong or ' '.join(found))[:30]!r} are no degrees of freedom (rx ry rz tx ty tz l)")
     return found
 
 
@@ -270,9 +268,7 @@ def parse_amc(text: str, name: str, figure: Figure, fps: float | None = None) ->
             )
         bone = index.get(head)
         if bone is None:
-            raise CaptureError(
-                f"{name}:{number}: bone {head[:30]!r} is not in the skeleton; is it the right ASF file?"
-            )
+            raise CaptureError(f"{name}:{number}: bone {head[:30]!r} is not in the skeleton; is it the right ASF file?")
         if len(words) - 1 != count[bone]:
             raise CaptureError(
                 f"{name}:{number}: {len(words) - 1} numbers for {head!r}, its skeleton has {count[bone]}"

@@ -55,9 +55,7 @@ def figure_of(names: Sequence[str], parents: Sequence[int], offsets: Array, role
     count = len(names)
     masses, centers = np.zeros(count), np.zeros((count, 3))
     box_centers, box_sizes = np.zeros((count, 3)), np.zeros((count, 3))
-    size = leg_length(offsets, parents, roles) / leg_length(
-        model.offsets, [int(p) for p in model.parents], model.roles
-    )
+    size = leg_length(offsets, parents, roles) / leg_length(model.offsets, [int(p) for p in model.parents], model.roles)
     if size > 0.0:
         for role, joint in roles.items():
             if role in _BACK or role not in model.roles:

@@ -52,9 +52,7 @@ def spread(found: Sequence[Found], count: int, scale: Array, first: int | None =
     values = np.stack([f.values for f in found]) / scale
     quality = np.array([f.quality + (MADE if f.piece.made else 0.0) for f in found])
     taken = [
-        int(np.argmin(np.linalg.norm(values - np.median(values, axis=0), axis=1) + quality))
-        if first is None
-        else first
+        int(np.argmin(np.linalg.norm(values - np.median(values, axis=0), axis=1) + quality)) if first is None else first
     ]
     while len(taken) < min(count, len(found)):
         near = np.min(np.linalg.norm(values[:, None] - values[None, taken], axis=-1), axis=1)
@@ -201,12 +199,8 @@ def _turning(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
             if len(mine) + len(made) >= COUNTS[module]:
                 break
             angle = -float(f.values[0])
-            if all(abs(angle - float(m.values[0])) > 0.3 for m in mine) and all(
-                abs(angle - a) > 0.3 for a, _ in made
-            ):
-                piece = replace(
-                    f.piece, module=module, name=f"{f.piece.name}_mirrored", mirrored=not f.piece.mirrored
-                )
+            if all(abs(angle - float(m.values[0])) > 0.3 for m in mine) and all(abs(angle - a) > 0.3 for a, _ in made):
+                piece = replace(f.piece, module=module, name=f"{f.piece.name}_mirrored", mirrored=not f.piece.mirrored)
                 made.append((angle, piece))
         if mine or made:
             out += [f.piece for f in mine] + [piece for _, piece in made]

@@ -37,9 +37,7 @@ def read_bvh(file: str | Path, *, unit: float | None = None, up: str | None = No
     return load_bvh(file, unit=unit, up=up, root=root).clip
 
 
-def load_bvh(
-    file: str | Path, *, unit: float | None = None, up: str | None = None, root: str | None = None
-) -> Capture:
+def load_bvh(file: str | Path, *, unit: float | None = None, up: str | None = None, root: str | None = None) -> Capture:
     """Like `read_bvh`, with what was found out and mended on the way."""
     path = Path(file)
     return interpret(parse_bvh(read_text(path), path.name), unit=unit, up=up, root=root)
@@ -76,9 +74,7 @@ def parse_bvh(text: str, name: str) -> Raw:
         CaptureError: the text is broken; one line with the line number.
     """
     lines = text.splitlines()
-    start = next(
-        (k for k, line in enumerate(lines) if line.split()[:1] and line.split()[0].upper() == "MOTION"), None
-    )
+    start = next((k for k, line in enumerate(lines) if line.split()[:1] and line.split()[0].upper() == "MOTION"), None)
     head = lines if start is None else lines[:start]
     joints, findings = _hierarchy(head, name)
     if start is None:
@@ -232,9 +228,7 @@ def _motion_head(lines: list[str], start: int, name: str) -> tuple[int | None, f
             try:
                 seconds = (float(value), value)
             except ValueError:
-                raise CaptureError(
-                    f"{name}:{k + 1}: expected a frame time in seconds, found {value[:30]!r}"
-                ) from None
+                raise CaptureError(f"{name}:{k + 1}: expected a frame time in seconds, found {value[:30]!r}") from None
             if not 1e-5 <= seconds[0] <= 1e4:
                 raise CaptureError(f"{name}:{k + 1}: a frame time of {value[:30]} s; expected 0.00001 to 10000")
         else:

@@ -186,9 +186,7 @@ def mirror_map(skeleton: Skeleton) -> Index:
     wrong[0] = False
     if np.any(other[other] != np.arange(len(skeleton))) or np.any(wrong):
         name = skeleton.names[int(np.argmax(wrong))]
-        raise ClipError(
-            f"left and right are not alike at joint {name!r}; retarget to a symmetric figure, then mirror"
-        )
+        raise ClipError(f"left and right are not alike at joint {name!r}; retarget to a symmetric figure, then mirror")
     return other
 
 

@@ -40,9 +40,7 @@ class Layout:
 LAYOUT = Layout()
 
 
-def picture(
-    clip: Clip, flags: Flags | None = None, keys: Sequence[float] = (), layout: Layout = LAYOUT
-) -> Image.Image:
+def picture(clip: Clip, flags: Flags | None = None, keys: Sequence[float] = (), layout: Layout = LAYOUT) -> Image.Image:
     """The picture of a humanoid clip; ``keys`` (s) are drawn as lines through everything (else gait strikes are).
 
     Left limbs are red, right ones blue. Each pose of the strip stands at its own time on the axis below;
@@ -78,9 +76,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def _title(clip: Clip, m: Measures) -> str:
-    return (
-        f"{clip.name}   {len(clip)} frames, {m.seconds:.2f} s at {clip.fps:g} frames/s, {len(clip.skeleton)} joints"
-    )
+    return f"{clip.name}   {len(clip)} frames, {m.seconds:.2f} s at {clip.fps:g} frames/s, {len(clip.skeleton)} joints"
 
 
 def _numbers(m: Measures) -> str:

@@ -103,9 +103,7 @@ def roles_of(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]:
     described = [_side_and_word(name) for name in names]
     roles: dict[str, int] = {}
     for side in ("left", "right"):
-        mine = [
-            (joint, word) for joint, (its, word, counts) in enumerate(described) if its == side and counts and word
-        ]
+        mine = [(joint, word) for joint, (its, word, counts) in enumerate(described) if its == side and counts and word]
         named: dict[str, list[int]] = {}
         for joint, word in mine:
             role = _ROLE_OF_WORD.get(word.removesuffix("joint")) or _ROLE_OF_WORD.get(word)
@@ -181,9 +179,7 @@ def _find_trunk(names: Sequence[str], parents: Sequence[int], above: list[list[i
             roles["neck"] = chain[-1]
     # A side joint or the neck cannot be part of the back.
     taken = {joint for role, joint in roles.items() if role != "hips"}
-    back = [
-        joint for joint in reversed(above[chest]) if hips in above[joint] and joint != hips and joint not in taken
-    ]
+    back = [joint for joint in reversed(above[chest]) if hips in above[joint] and joint != hips and joint not in taken]
     if len(back) == 1:
         roles["spine"] = back[0]
     elif len(back) == 2:

@@ -123,9 +123,7 @@ def between(a: ArrayLike, b: ArrayLike) -> Array:
     half_turn = w < 1e-9 * k
     if np.any(half_turn):
         # Half a turn: any axis square to u will do; take the one away from u's largest part.
-        other = np.where(
-            np.abs(u[..., :1]) < 0.6 * np.linalg.norm(u, axis=-1, keepdims=True), [1.0, 0, 0], [0, 1.0, 0]
-        )
+        other = np.where(np.abs(u[..., :1]) < 0.6 * np.linalg.norm(u, axis=-1, keepdims=True), [1.0, 0, 0], [0, 1.0, 0])
         square = np.concatenate([np.cross(u, other), np.zeros_like(w)[..., None]], axis=-1)
         q = np.where(half_turn[..., None], square, q)
     q[k < 1e-12] = (0.0, 0.0, 0.0, 1.0)

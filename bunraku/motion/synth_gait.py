@@ -362,9 +362,7 @@ def _prints(frame: Frame, gait: Gait, side: int, period: float, arc: _Arc, cycle
 
 def _stance(frame: Frame, gait: Gait, side: int, phase: Array, period: float, arc: _Arc) -> _Foot:
     own = phase - 0.5 * side
-    foot = _Foot(
-        np.zeros((len(phase), 3)), foot_pitch(gait, own), np.zeros(len(phase)), np.zeros(len(phase), np.bool_)
-    )
+    foot = _Foot(np.zeros((len(phase), 3)), foot_pitch(gait, own), np.zeros(len(phase)), np.zeros(len(phase), np.bool_))
     sole = frame.soles[side]
     offset = rolled(sole, foot.pitch)
     for cycle in (-1, 0, 1):

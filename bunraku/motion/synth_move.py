@@ -250,9 +250,7 @@ def _two_steps(name: str, frame: Frame, lead: int, way: Array, angle: float) -> 
         )
         plan.shoulder[side] += (-1.0 if side == lead else 1.0) * 0.30 * swing
         plan.shoulder[side] += SIGN[side] * 0.20 * np.radians(20.0) * np.sign(angle) * min(abs(angle), 1.0) * speed
-        plan.abduct[side] += (
-            np.radians(5.0 * min(abs(float(way[0])) / size, 1.0) + 4.0 * min(abs(angle), 1.0)) * speed
-        )
+        plan.abduct[side] += np.radians(5.0 * min(abs(float(way[0])) / size, 1.0) + 4.0 * min(abs(angle), 1.0)) * speed
         plan.elbow[side] += np.radians(6.0) * speed
     _lower(frame, plan)
     return assemble(name, frame, plan), keys, plan.contacts

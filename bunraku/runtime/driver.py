@@ -224,9 +224,7 @@ def find(kind: str, name: str, built_in: Mapping[str, str]) -> type[Driver]:
     try:
         loaded: type[Driver] = others[name].load()
     except Exception as error:
-        raise DriverProblem(
-            f"{kind} driver {name!r} does not load: {error}; reinstall {others[name].value}"
-        ) from error
+        raise DriverProblem(f"{kind} driver {name!r} does not load: {error}; reinstall {others[name].value}") from error
     return loaded
 
 

@@ -119,9 +119,7 @@ def with_listeners(planned: Sequence[Planned]) -> list[Planned]:
         open_ = not one.spec.command and "wait_for" not in one.spec.params
         if open_ and "wait_for" in params_of(one.node):
             number = max((counts[one.spec.path].get(topic, 0) for topic in one.outputs), default=0)
-            one = replace(
-                one, params={**one.params, "wait_for": params_of(one.node)["wait_for"].convert(str(number))}
-            )
+            one = replace(one, params={**one.params, "wait_for": params_of(one.node)["wait_for"].convert(str(number))})
         done.append(one)
     return done
 

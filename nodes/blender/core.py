@@ -168,9 +168,7 @@ class BlenderCore:
                 return
         if len(self.waiting) >= MOST_WAITING:
             dropped = self.waiting.pop(0)
-            self.say(
-                f"{MOST_WAITING} commands wait already: {type(dropped).__name__.lower()} {dropped.id} is dropped"
-            )
+            self.say(f"{MOST_WAITING} commands wait already: {type(dropped).__name__.lower()} {dropped.id} is dropped")
         self.waiting.append(command)
         if self.walk is not None and not self.player.ending:
             self.player.ending = True  # what comes next ends the stroke
@@ -347,9 +345,7 @@ class BlenderCore:
         if distance < NEAR:
             return False
         # Straight ahead or back the foot goes first that went second before.
-        side = (
-            "left" if (left > 0.12 * distance or (abs(left) <= 0.12 * distance and len(self.done) % 2)) else "right"
-        )
+        side = "left" if (left > 0.12 * distance or (abs(left) <= 0.12 * distance and len(self.done) % 2)) else "right"
         name = f"step_{side}"
         if name not in self.player.voices:
             self.say(f"the motion set has no module {name}: step {command.id} is not made")

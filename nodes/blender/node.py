@@ -48,12 +48,8 @@ class Blender(Node):
 
     figure: str = param("default", doc="the figure's name")
     motions: str = param("", doc="file of a motion set; empty for the built-in one")
-    skeleton: bool = param(
-        False, doc="say `skeleton`: where no controller does (`motion` is then remapped to `pose`)"
-    )
-    ground: str = param(
-        "", doc="file of uneven ground: .npz with heights (m), cell (m), x, z; empty for level ground"
-    )
+    skeleton: bool = param(False, doc="say `skeleton`: where no controller does (`motion` is then remapped to `pose`)")
+    ground: str = param("", doc="file of uneven ground: .npz with heights (m), cell (m), x, z; empty for level ground")
     x: float = param(0.0, low=-1000.0, high=1000.0, doc="m, where it stands at the start")
     z: float = param(0.0, low=-1000.0, high=1000.0, doc="m, where it stands at the start")
     yaw: float = param(0.0, low=-7.0, high=7.0, doc="rad about +Y from +Z, where it faces at the start")
@@ -91,9 +87,7 @@ class Blender(Node):
 
     def _builtin(self) -> MotionSet:
         if self.figure != "default":
-            raise ValueError(
-                f"no figure is named {self.figure!r} (has: default); give it a motion set: motions:=FILE"
-            )
+            raise ValueError(f"no figure is named {self.figure!r} (has: default); give it a motion set: motions:=FILE")
         return builtin_set(default_figure())
 
     def _pace(self) -> Pace:
@@ -143,9 +137,7 @@ class Blender(Node):
                 skeleton=self.core.skeleton.hash,
                 root=player.root.astype(np.float32),
                 rotations=player.rotations.astype(np.float32),
-                contacts=Contacts(
-                    left_foot=bool(player.contacts[0] > 0.5), right_foot=bool(player.contacts[1] > 0.5)
-                ),
+                contacts=Contacts(left_foot=bool(player.contacts[0] > 0.5), right_foot=bool(player.contacts[1] > 0.5)),
             )
         )
         if self.show_overlay and self.now - self.drawn_at >= OVERLAY_EVERY:

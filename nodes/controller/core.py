@@ -200,9 +200,7 @@ class Stack:
         local[:] = rotations_ls
         local /= np.linalg.norm(local, axis=1)[:, None]
         positions = np.empty((len(local), 3))
-        fk_into(
-            rig.parents, rig.offsets, np.asarray(root, dtype=np.float64), local, positions, under.base.rotations_ws
-        )
+        fk_into(rig.parents, rig.offsets, np.asarray(root, dtype=np.float64), local, positions, under.base.rotations_ws)
         analyse_into(
             rig, local, positions, under.base.rotations_ws, under.points, under.turns, under.swivels, under.feet,
             under.base.rolls, under.base.exact,

@@ -13,7 +13,7 @@ from bunraku.nodes.controller.state import ANKLE_BEND, TRUNK_LEAN
 Array = NDArray[np.float64]
 
 ANKLE, FORWARD = float(ANKLE_BEND), float(TRUNK_LEAN[0])
-HIP_FLEXION, FOLD = 1.88, 2.15
+HIP_FLEXION, FOLD = 1.90, 2.30
 """rad: how far a hip bends, and how far trunk and thigh fold before they touch."""
 LANDING_HIGH, LANDING_BLEND = 0.16, 0.08  # m above the ground where the pelvis begins to meet a landing foot
 LANDING_REACH = 0.965  # share of the leg's length with which a foot lands
@@ -109,7 +109,7 @@ def keep_near_feet(points: Array, planted: Array, pelvis: Array) -> float:
     to_across = min(NEAR_BOTH, max(-NEAR_BOTH, across))
     pelvis[0] += (to_along - along) * ex - (to_across - across) * ez
     pelvis[2] += (to_along - along) * ez + (to_across - across) * ex
-    return abs(to_along - along) + abs(to_across - across)
+    return float(abs(to_along - along) + abs(to_across - across))
 
 
 @kernel
@@ -148,7 +148,7 @@ def sink_to_land(rig: Rig, side: int, foot: Array, landing: Array, pelvis: Array
     dz = landing[2] - (pelvis[2] + c * z - s * x)
     leg = LANDING_REACH * rig.reach[2 + side, 1]
     tall = sqrt(max(0.25 * leg * leg, leg * leg - dx * dx - dz * dz))
-    return near * max(0.0, pelvis[1] + y - landing[1] - tall)
+    return float(near * max(0.0, pelvis[1] + y - landing[1] - tall))
 
 
 @kernel
@@ -213,4 +213,4 @@ def knee_pace(rig: Rig, limb: int, hip: Array, ankle: Array, velocity: Array) ->
     c = (r * r - upper * upper - lower * lower) / (2.0 * upper * lower)
     s = sqrt(max(1.0 - c * c, 0.02))
     rate = abs(along) / (upper * lower * s)
-    return min(1.0, CALM_KNEE / max(rate, 1e-9))
+    return float(min(1.0, CALM_KNEE / max(rate, 1e-9)))

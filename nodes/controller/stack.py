@@ -79,7 +79,7 @@ LANDING_TIME = 0.45
 """Time constant of the last bit of a sinking foot, s."""
 STILL_BENDS = 0.01
 """rad by which the trunk bends in a round in which the knees still wait."""
-REACH_DUCK = 0.74
+REACH_DUCK = 0.66
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 HANG = (0.17, -0.97, 0.10)
 """Direction of the left arm at rest."""
@@ -411,11 +411,7 @@ def agree(
                         pelvis_votes[0, k] = st.points[0, k] + rest[k]
                     pelvis_weights[0] = gains.w_tracking
         # Balance, but not in the middle of a step, nor for a motion that nobody touches.
-        if (
-            size > 0
-            and not stepping
-            and not (over and most == 0.0 and round_ == 0 and nothing_driven(st, flags, held))
-        ):
+        if size > 0 and not stepping and not (over and most == 0.0 and round_ == 0 and nothing_driven(st, flags, held)):
             balance_shift(hull, size, center, gains.margin, shift)
             lack = sqrt(shift[0] ** 2 + shift[2] ** 2)
             if lack > 1e-6:
@@ -514,9 +510,7 @@ def turn_hinges(
         elif held.flags[8 + limb] < 0.5:
             way = 0.0
             for k in range(3):
-                way += (
-                    st.points[1 + limb, k] - positions_ws[upper, k] - before[1 + limb, k] + st.roots[limb, k]
-                ) ** 2
+                way += (st.points[1 + limb, k] - positions_ws[upper, k] - before[1 + limb, k] + st.roots[limb, k]) ** 2
             most = SWIVEL_PER_WAY * sqrt(way) + SWIVEL_RATE * dt
             st.extra[limb] = now + min(most, max(-most, st.extra[limb] - now))
         st.swivels[limb] = under.swivels[limb] + st.extra[limb]

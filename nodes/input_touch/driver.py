@@ -134,15 +134,11 @@ def find(name: str) -> type[Driver]:
         return found
     others = {one.name.removeprefix("touch."): one for one in entry_points(group=GROUP, name=f"touch.{name}")}
     if name not in others:
-        raise DriverProblem(
-            f"no touch driver {name!r} (has: {', '.join(known())}); install the package that brings it"
-        )
+        raise DriverProblem(f"no touch driver {name!r} (has: {', '.join(known())}); install the package that brings it")
     try:
         loaded: type[Driver] = others[name].load()
     except Exception as error:
-        raise DriverProblem(
-            f"touch driver {name!r} does not load: {error}; reinstall {others[name].value}"
-        ) from error
+        raise DriverProblem(f"touch driver {name!r} does not load: {error}; reinstall {others[name].value}") from error
     return loaded
 
 

@@ -30,9 +30,7 @@ class InputTouch(Node):
     port: int = param(3333, low=0, high=65535, doc="UDP port of driver tuio; 0 takes a free one")
     merge: float = param(0.002, low=0.0, high=0.02, doc="s that driver tuio waits for the rest of a split frame")
     lost: float = param(2.0, low=0.1, high=3600.0, doc="s of silence after which a TUIO source is gone")
-    size_m: list[float] = param(
-        [], doc="width and height of the TUIO surface in m, where its ellipses shall be known"
-    )
+    size_m: list[float] = param([], doc="width and height of the TUIO surface in m, where its ellipses shall be known")
     evdev: str = param("", doc="path of the touch device for driver evdev; empty takes the first touch screen")
 
     def setup(self) -> None:

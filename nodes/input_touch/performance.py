@@ -286,9 +286,7 @@ class _Reader:
         right, up = self.row(table.get("offset", [0.0, 0.0]), f"{where}: offset", 2, -10.0, 10.0)
         return (float(x) + right / (scale * self.camera.aspect), float(y) - up / scale), scale
 
-    def path(
-        self, table: dict[str, Any], where: str, begin: tuple[float, float], scale: float, linear: bool
-    ) -> Curve:
+    def path(self, table: dict[str, Any], where: str, begin: tuple[float, float], scale: float, linear: bool) -> Curve:
         rows: list[list[float]] = []
         if "path" in table:
             rows = self.rows(table["path"], f"{where}: path", 3, -1.0, 2.0)
@@ -305,9 +303,7 @@ class _Reader:
             rows.insert(0, [0.0, *begin])
         return Curve([row[0] for row in rows], [row[1:] for row in rows], linear=linear)
 
-    def channel(
-        self, table: dict[str, Any], key: str, where: str, width: int, low: float, high: float
-    ) -> Curve | None:
+    def channel(self, table: dict[str, Any], key: str, where: str, width: int, low: float, high: float) -> Curve | None:
         """A constant, or rows with a time first."""
         if key not in table:
             return None

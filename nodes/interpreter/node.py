@@ -70,15 +70,11 @@ class Interpreter(Node):
         doc="where pens draw: tablet (a fixed scale) or picture (the ground under it), for all or as DEVICE=PLAY",
     )
     pen_scale: float = param(PenRules.scale, low=1.0, high=200.0, doc="figure metres for each metre of a tablet")
-    pen_early: bool = param(
-        False, doc="begin to walk as soon as a stroke can be nothing else, not at a step's length"
-    )
+    pen_early: bool = param(False, doc="begin to walk as soon as a stroke can be nothing else, not at a step's length")
     aspect: float = param(16 / 9, low=0.1, high=10.0, doc="width by height of the picture that touches refer to")
     distance: float = param(Orbit.distance, low=0.8, high=20.0, doc="m of the camera from the figure at first")
     azimuth: float = param(Orbit.azimuth, low=-3.1416, high=3.1416, doc="rad about the figure at first")
-    elevation: float = param(
-        Orbit.elevation, low=-0.15, high=1.45, doc="rad above the horizon, of the camera at first"
-    )
+    elevation: float = param(Orbit.elevation, low=-0.15, high=1.45, doc="rad above the horizon, of the camera at first")
     follow: bool = param(True, doc="the camera follows a figure that walks off")
     forget: float = param(30.0, low=0.5, high=3600.0, doc="s of silence after which a device's fingers are let go")
 

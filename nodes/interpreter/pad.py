@@ -111,9 +111,7 @@ class PadCore:
         dt = 0.0 if self._time is None else min(max(scene.now - self._time, 0.0), 0.1)
         self._time = scene.now
         change = dt / rules.duck_time
-        self._duck = (
-            min(self._duck + change, 1.0) if self._button(rules.duck) else max(self._duck - 2.0 * change, 0.0)
-        )
+        self._duck = min(self._duck + change, 1.0) if self._button(rules.duck) else max(self._duck - 2.0 * change, 0.0)
         right, up = stick(self._axes, rules.walk, rules.dead)
         tilt = hypot(right, up)
         if tilt > 0.0 and not any(self._pressed):

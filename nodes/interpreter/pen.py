@@ -391,9 +391,7 @@ class PenCore:
             shown.append(Primitive(kind="line", points=edge, color=RANGE_COLOR, size=0.02))
         cursor = self.track.cursor
         if cursor is not None and self._near:
-            shown.append(
-                Primitive(kind="circle", points=[(cursor[0], FLOOR, cursor[1])], color=PATH_COLOR, size=0.06)
-            )
+            shown.append(Primitive(kind="circle", points=[(cursor[0], FLOOR, cursor[1])], color=PATH_COLOR, size=0.06))
         return shown
 
 

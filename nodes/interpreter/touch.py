@@ -33,9 +33,7 @@ class Finger:
 class TouchCore:
     """Touch messages in, targets, steps and the camera out."""
 
-    def __init__(
-        self, viewer: Viewer, *, rules: TouchRules = RULES, figure: bool = True, forget: float = 30.0
-    ) -> None:
+    def __init__(self, viewer: Viewer, *, rules: TouchRules = RULES, figure: bool = True, forget: float = 30.0) -> None:
         """``figure=False``: every finger drives the camera. ``forget``: s of silence after which a device's
         fingers are let go."""
         self.viewer = viewer
@@ -105,9 +103,7 @@ class TouchCore:
         for one in self.fingers.values():
             one.trail.add(scene.now, one.x, one.y)
             label = one.grab.part.name if one.grab else ""
-            meaning.overlay += overlay.finger(
-                one.x, one.y, one.trail.lately(scene.now), camera=one.camera, label=label
-            )
+            meaning.overlay += overlay.finger(one.x, one.y, one.trail.lately(scene.now), camera=one.camera, label=label)
             if isinstance(one.grab, PelvisGrab) and one.grab.goal is not None:
                 meaning.overlay.append(overlay.step_goal(one.grab.goal))
         return meaning

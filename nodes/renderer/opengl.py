@@ -110,9 +110,7 @@ def headless() -> Any:
             answers.append(_line(error))
             continue
         return platform
-    raise NoOpenGL(
-        f"none of {len(devices)} EGL devices gives an OpenGL context ({'; '.join(answers) or 'no device'})"
-    )
+    raise NoOpenGL(f"none of {len(devices)} EGL devices gives an OpenGL context ({'; '.join(answers) or 'no device'})")
 
 
 def renderer_class() -> type[Any]:
@@ -191,9 +189,7 @@ def renderer_class() -> type[Any]:
             if depth:
                 parts.append((GL.GL_DEPTH_ATTACHMENT, GL.GL_DEPTH_COMPONENT24))
             for place, kind in parts:
-                GL.glFramebufferRenderbuffer(
-                    GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, self._storage(kind, samples)
-                )
+                GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, self._storage(kind, samples))
             return frame
 
         def _delete_main_framebuffer(self) -> None:

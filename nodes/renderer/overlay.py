@@ -99,9 +99,7 @@ class Canvas:
         old = patch[..., :3].astype(np.float32)
         patch[..., :3] = old + (ink - old) * share[..., None] + np.float32(0.5)
 
-    def text(
-        self, text: str, x: float, y: float, height: float, color: Sequence[float], middle: bool = False
-    ) -> None:
+    def text(self, text: str, x: float, y: float, height: float, color: Sequence[float], middle: bool = False) -> None:
         """A line whose base line begins at (x, y) pixels (or is centred there), with a light halo."""
         if not (np.isfinite(x) and np.isfinite(y)) or abs(x) > 4 * self.width or abs(y) > 4 * self.height:
             return
@@ -168,9 +166,7 @@ def _on_screen(canvas: Canvas, one: Primitive, points: Array, unit: float, paren
     elif one.kind == "bar" and len(points) > 1:
         _bar(canvas, points[0], points[1], min(one.size, 1.0), np.full(2, max(BAR * unit, 3.0)), color)
     if one.label:
-        height = max(
-            (one.size if one.kind == "text" else LABEL) * (unit if one.kind == "text" else canvas.height), 8.0
-        )
+        height = max((one.size if one.kind == "text" else LABEL) * (unit if one.kind == "text" else canvas.height), 8.0)
         lift = one.size * unit + rim if one.kind == "circle" else 0.0
         canvas.text(one.label, points[0, 0] + lift, points[0, 1] - lift, height, color)
 

@@ -79,9 +79,7 @@ class PillowEngine:
         if self._rays is not None and self._rays[0] == key:
             return self._rays[1], self._rays[2]
         right, up, back = (axis.astype(np.float32) for axis in axes(camera))
-        half = (
-            0.5 * camera.ortho_height if camera.ortho_height is not None else tan(0.5 * (camera.yfov or Orbit.yfov))
-        )
+        half = 0.5 * camera.ortho_height if camera.ortho_height is not None else tan(0.5 * (camera.yfov or Orbit.yfov))
         u = ((np.arange(width, dtype=np.float32) + 0.5) / width * 2.0 - 1.0) * np.float32(half * camera.aspect)
         v = (1.0 - (np.arange(height, dtype=np.float32) + 0.5) / height * 2.0) * np.float32(half)
         plane = u[None, :, None] * right + v[:, None, None] * up

@@ -113,8 +113,7 @@ def strip(
     length = float(np.linalg.norm(way))
     way = way / length if length > 1e-3 else np.array([1.0, 0.0, 0.0])
     figures = tuple(
-        Figure(skeleton, *fk(skeleton, place, turn))
-        for place, turn in zip(places, np.asarray(rotations), strict=True)
+        Figure(skeleton, *fk(skeleton, place, turn)) for place, turn in zip(places, np.asarray(rotations), strict=True)
     )
     points = np.concatenate([figure.positions_ws for figure in figures])
     reach = float(np.ptp(points @ way)) + 0.9

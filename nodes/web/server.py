@@ -301,9 +301,7 @@ class PageServer:
         page = Page(hello.page, socket, "watch", hello.figure if hello.figure in self.figures else self.figures[0])
         self._pages[page.id] = page
         self._cast(page, hello.role)
-        page.replies.append(
-            encode_text("welcome", page=page.id, version=VERSION, figures=self.figures, info=self.info)
-        )
+        page.replies.append(encode_text("welcome", page=page.id, version=VERSION, figures=self.figures, info=self.info))
         page.texts.update(self._latched)
         page.streams.update(self._streams)
         self._tell_stage()

@@ -120,9 +120,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=20, help="simulated users a pose and tool (default 20)")
     parser.add_argument("--sensitivity", type=int, default=5, help="users a cell of the other table, 0 for none")
     parser.add_argument("--poses", default="12345", help="which poses, like 135 (default all)")
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path("study-touch"), help="folder to write (study-touch)"
-    )
+    parser.add_argument("-o", "--output", type=Path, default=Path("study-touch"), help="folder to write (study-touch)")
     parser.add_argument("--json", action="store_true", help="print every run instead of the tables")
     args = parser.parse_args(argv)
     goals = [goal for goal in GOALS if goal.name in args.poses]

@@ -80,9 +80,7 @@ def test_info(take: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert told["gaps"] == 0
 
 
-def test_a_killed_recording_is_told_and_mended(
-    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_killed_recording_is_told_and_mended(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(take.read_bytes()[: take.stat().st_size * 2 // 3])
     assert main(["bag", "info", str(cut), "--json"]) == 0

@@ -32,9 +32,7 @@ def with_roots(clip: Clip, roots) -> Clip:
     return Clip(clip.name, clip.skeleton, clip.fps, roots, clip.rotations)
 
 
-def walker(
-    speed: float = 1.2, period: float = 1.0, seconds: float = 4.0, fps: float = 60.0, turn: float = 0.0
-) -> Clip:
+def walker(speed: float = 1.2, period: float = 1.0, seconds: float = 4.0, fps: float = 60.0, turn: float = 0.0) -> Clip:
     """Stiff legs that swing like scissors, lifted by the knee on the way forward: strikes at known times."""
     times = np.arange(round(seconds * fps) + 1) / fps
     clip = standing(len(times), fps)

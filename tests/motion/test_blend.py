@@ -80,8 +80,7 @@ def test_the_way_of_a_single_motion_is_the_examples_ways_weighted(motion_set):
     weights[1], weights[5] = 0.5, 0.5
     way_into(table, weights, 1.0, out)
     expected = sum(
-        0.5 * module.values[k, 1] * np.array([np.sin(module.values[k, 0]), np.cos(module.values[k, 0])])
-        for k in (1, 5)
+        0.5 * module.values[k, 1] * np.array([np.sin(module.values[k, 0]), np.cos(module.values[k, 0])]) for k in (1, 5)
     )
     np.testing.assert_allclose(out[:2], expected, atol=0.003)
     assert abs(out[2]) < 0.01

@@ -261,9 +261,7 @@ def test_a_meaningless_rest_pose_is_replaced_by_the_t_pose_in_the_first_frame():
     rest = skeleton.rest_positions
     assert np.allclose((rest[skeleton.role("leftHand")] - rest[skeleton.role("leftUpperArm")])[1:], 0.0, atol=1e-6)
     assert rest[skeleton.role("leftUpperArm"), 0] > 0.1
-    assert rest[skeleton.role("leftFoot"), 1] == pytest.approx(
-        rest[skeleton.role("leftUpperLeg"), 1] - 0.83, abs=1e-3
-    )
+    assert rest[skeleton.role("leftFoot"), 1] == pytest.approx(rest[skeleton.role("leftUpperLeg"), 1] - 0.83, abs=1e-3)
     assert capture.clip.headings[0] == pytest.approx(np.radians(yaw), abs=0.01)
 
 

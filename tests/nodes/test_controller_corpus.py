@@ -5,6 +5,7 @@ it, through the body and behind it, jumps of a metre a frame, several touches, p
 elbows and knees, releases. `BUNRAKU_CORPUS=1` prints the table of measurements.
 """
 
+import itertools
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -47,7 +48,7 @@ def glide(t: float, points: list[tuple[float, np.ndarray]]) -> np.ndarray:
     """Piecewise reaching movements through (time, place)."""
     if t <= points[0][0]:
         return points[0][1]
-    for (t0, a), (t1, b) in zip(points[:-1], points[1:], strict=True):
+    for (t0, a), (t1, b) in itertools.pairwise(points):
         if t < t1:
             s = (t - t0) / (t1 - t0)
             return a + (b - a) * (s * s * (3 - 2 * s))

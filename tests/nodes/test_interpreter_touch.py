@@ -178,9 +178,7 @@ def test_a_quick_drag_is_a_punch_toward_the_viewer_and_goes_back_softly() -> Non
     table.drag(1, (x - 0.09, y), 0.12)
     forward = table.target.left_hand[2]
     assert forward > 0.10
-    assert (
-        np.linalg.norm(np.array(table.target.left_hand) - FIGURE.rest_positions[FIGURE.role("leftUpperArm")]) < 0.60
-    )
+    assert np.linalg.norm(np.array(table.target.left_hand) - FIGURE.rest_positions[FIGURE.role("leftUpperArm")]) < 0.60
     path = []
     for _ in range(90):
         table.stage.advance(1.0 / HZ)
@@ -505,9 +503,7 @@ def test_what_is_held_stays_while_another_finger_turns_the_view() -> None:
 def test_a_flood_of_fingers_and_devices_stays_bounded() -> None:
     table = Table(forget=1.0)
     for device in range(60):
-        table.send(
-            *[Contact(id=k, phase="down", x=0.01 * k, y=0.02 * k) for k in range(40)], device=f"device-{device}"
-        )
+        table.send(*[Contact(id=k, phase="down", x=0.01 * k, y=0.02 * k) for k in range(40)], device=f"device-{device}")
     core = table.node.cores["figure"]
     assert len(core.fingers) <= 40  # type: ignore[attr-defined]
     table.stage.advance(2.0)

@@ -140,9 +140,7 @@ def test_only_what_goes_into_a_file_is_drawn(tmp_path):
 
 def test_overlays_and_figures_are_on_the_film(tmp_path):
     red = Overlay(
-        primitives=[
-            Primitive(kind="circle", space="screen", points=[(0.2, 0.5)], size=0.1, color=(1.0, 0.0, 0.0, 1.0))
-        ]
+        primitives=[Primitive(kind="circle", space="screen", points=[(0.2, 0.5)], size=0.1, color=(1.0, 0.0, 0.0, 1.0))]
     )
     messages = [*recording(0.2, speed=0.0), (START + SECOND // 5, "overlay/interpreter", red)]
     messages += [(START + SECOND // 2, "pose", pose())]
@@ -168,9 +166,7 @@ def test_colours_survive_the_codec(tmp_path):
         pixels[..., :3] = color
         video.write(pixels)
     video.close()
-    for frame, color in zip(
-        frames(tmp_path / "c.mp4"), ((222, 80, 60), (30, 140, 150), (225, 205, 180)), strict=True
-    ):
+    for frame, color in zip(frames(tmp_path / "c.mp4"), ((222, 80, 60), (30, 140, 150), (225, 205, 180)), strict=True):
         np.testing.assert_allclose(frame.reshape(-1, 3).mean(axis=0), color, atol=8)
 
 

@@ -288,9 +288,7 @@ def test_a_pen_s_every_value_arrives(person: Person, ear: Callable[[str], Ear]) 
     picture = person.ask("bunraku.stage.picture()")
     x, y = picture["left"] + 0.25 * picture["width"], picture["top"] + 0.75 * picture["height"]
     person.pen("mouseMoved", x, y)
-    person.pen(
-        "mousePressed", x, y, button="left", buttons=1, force=0.25, tiltX=30, tiltY=-20, twist=90, clickCount=1
-    )
+    person.pen("mousePressed", x, y, button="left", buttons=1, force=0.25, tiltX=30, tiltY=-20, twist=90, clickCount=1)
     for k in range(1, 21):
         person.pen(
             "mouseMoved", x + 4 * k, y, button="left", buttons=1, force=0.25 + 0.03 * k, tiltX=30, tiltY=-20, twist=90
@@ -414,9 +412,7 @@ def test_a_server_killed_in_mid_drag_is_found_again(person: Person, ear: Callabl
             phases.setdefault(contact["id"], []).append(contact["phase"])
     assert len(phases) == 2  # the finger is told as a new one after the restart
     assert all(one[0] == "down" and one[-1] in ("up", "cancel") for one in phases.values())
-    person.faults = [
-        one for one in person.faults if "WebSocket" not in one
-    ]  # the browser's line about the lost socket
+    person.faults = [one for one in person.faults if "WebSocket" not in one]  # the browser's line about the lost socket
 
 
 def test_a_second_page_watches_the_same_figure(person: Person, browser: Any, hall: Hall) -> None:

@@ -60,8 +60,7 @@ def test_any_bodies_on_any_topics_come_back_as_they_were(tmp_path_factory: pytes
         assert sum(stats.bytes for stats in counted.values()) == sum(len(data) for _, data in sent)
     with path.open("rb") as file:
         plain = [
-            (channel.topic, message.log_time, message.data)
-            for _, channel, message in make_reader(file).iter_messages()
+            (channel.topic, message.log_time, message.data) for _, channel, message in make_reader(file).iter_messages()
         ]
     assert plain == [tuple(entry) for entry in entries]
 
@@ -279,9 +278,7 @@ def test_gaps_restarts_and_repeats_are_counted() -> None:
 
 def test_info_says_the_same_of_a_complete_and_a_killed_recording(tmp_path: Path) -> None:
     entries = [
-        Entry(
-            "camera", T0, Camera(stamp=T0, position=(0, 1, 3), rotation=(0, 0, 0, 1), yfov=0.9, aspect=1.5).encode()
-        )
+        Entry("camera", T0, Camera(stamp=T0, position=(0, 1, 3), rotation=(0, 0, 0, 1), yfov=0.9, aspect=1.5).encode())
     ]
     entries += [Entry("pose", T0 + number * 100 * MS, body(number)) for number in range(1, 51) if number % 10]
     writer = written(tmp_path / "a.mcap", entries, close=False)

@@ -84,9 +84,7 @@ def seqs(path: Path, topic: str) -> list[int]:
         return []
 
 
-def test_what_two_publishers_say_is_recorded_whole_and_ctrl_c_completes_it(
-    folder, bunraku, context, tmp_path
-) -> None:
+def test_what_two_publishers_say_is_recorded_whole_and_ctrl_c_completes_it(folder, bunraku, context, tmp_path) -> None:
     path = tmp_path / "a.mcap"
     camera = TopicWriter(context, folder, "camera", kind_of("camera"), "someone")
     camera.send(Camera(position=(0, 1, 3), rotation=(0, 0, 0, 1), yfov=0.9, aspect=1.5).encode())

@@ -120,9 +120,7 @@ def test_the_result_must_be_a_list_of_specs(write):
 
 def test_include_passes_arguments_and_names_the_file_of_each_node(write):
     write("def launch(n: int = 1) -> list[NodeSpec]:\n    return [node(f'x{k}') for k in range(n)]\n", "inner.py")
-    outer = write(
-        "def launch() -> list[NodeSpec]:\n    return [node('y'), *group('bob', include('inner.py', n=2))]\n"
-    )
+    outer = write("def launch() -> list[NodeSpec]:\n    return [node('y'), *group('bob', include('inner.py', n=2))]\n")
     specs = outer.specs({})
     assert [(s.path, s.file) for s in specs] == [("y", "play.py"), ("bob/x0", "inner.py"), ("bob/x1", "inner.py")]
 

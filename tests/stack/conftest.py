@@ -11,9 +11,7 @@ from bunraku.runtime.names import run_folder
 
 
 @pytest.fixture
-def launch(
-    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Callable[..., Stack]]:
+def launch(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Stack]]:
     """Start launches: ``launch("touch", "source:=tuio", "--without", "input_touch")``."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("r")))
     monkeypatch.setenv("BUNRAKU_STAGE", "t")

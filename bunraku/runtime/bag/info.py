@@ -48,9 +48,7 @@ def describe(bag: Bag, progress: Progress | None = None) -> dict[str, Any]:
 
 def table(info: dict[str, Any]) -> list[str]:
     """The lines that `bag info` prints for what `describe` gave."""
-    state = (
-        "complete" if info["complete"] else "not complete: the recorder was killed (`bunraku bag recover` mends it)"
-    )
+    state = "complete" if info["complete"] else "not complete: the recorder was killed (`bunraku bag recover` mends it)"
     lines = [
         f"file      {info['file']}, {size(info['size'])}",
         f"state     {state}",

@@ -54,9 +54,7 @@ class BagWriter:
         try:
             self._file = self.path.open("wb" if overwrite else "xb")
         except FileExistsError:
-            raise BagError(
-                f"{self.path} exists already: choose another name, or allow it to be overwritten"
-            ) from None
+            raise BagError(f"{self.path} exists already: choose another name, or allow it to be overwritten") from None
         except OSError as error:
             raise BagError(f"{self.path} cannot be written: {error.strerror}") from None
         self._writer: Any = Writer(  # its finish() and flush() have no types
