@@ -27,6 +27,8 @@ class Finger:
     grab: Grab | None = None
     twists: PelvisGrab | None = None
     camera: bool = False
+    before: tuple[float, float] = (0.0, 0.0)
+    """Where it was at the last update."""
     trail: overlay.Trail = field(default_factory=overlay.Trail)
 
 
@@ -101,6 +103,7 @@ class TouchCore:
                         meaning.overlay.append(overlay.plane(point, grab.plane.normal(frame)))
         self.view_moved = False
         for one in self.fingers.values():
+            one.before = (one.x, one.y)
             one.trail.add(scene.now, one.x, one.y)
             label = one.grab.part.name if one.grab else ""
             meaning.overlay += overlay.finger(one.x, one.y, one.trail.lately(scene.now), camera=one.camera, label=label)
@@ -147,7 +150,7 @@ class TouchCore:
                 one.x, one.y = change.x, change.y
 
     def _down(self, change: Change, scene: Scene) -> None:
-        one = Finger(change.x, change.y)
+        one = Finger(change.x, change.y, before=(change.x, change.y))
         hits: list[Hit] = []
         if self.figure and self.table is not None:
             origin, direction = touch_ray(scene.camera, change.x, change.y)
@@ -207,7 +210,7 @@ class TouchCore:
         scene.camera = self.viewer.camera()
         for one in self.fingers.values():
             if one.grab is not None:
-                one.grab.plane.view_moved(scene, frame, *touch_ray(scene.camera, one.x, one.y))
+                one.grab.plane.view_moved(scene, frame, *touch_ray(scene.camera, *one.before))
 
     def _pelvis_ray(self, key: Key, scene: Scene) -> Ray:
         one = self.fingers[key]
@@ -239,13 +242,13 @@ class TouchCore:
         """Fingers of one device that began on nothing: one swipes, two pinch."""
         kept = [key for key, one in self.fingers.items() if one.camera and key in before and key[0] == device]
         every = [key for key, one in self.fingers.items() if one.camera and key[0] == device]
+        orbit = self.viewer.orbit
         if len(every) == 1 and kept:
             one, (x, y) = self.fingers[kept[0]], before[kept[0]]
             self.viewer.swipe(one.x - x, one.y - y)
-            self.view_moved = True
         elif len(kept) >= 2:
             a, b = kept[0], kept[1]
             old = line_angle(*before[a], *before[b], aspect)[1]
             new = line_angle(self.fingers[a].x, self.fingers[a].y, self.fingers[b].x, self.fingers[b].y, aspect)[1]
             self.viewer.pinch(old, new)
-            self.view_moved = True
+        self.view_moved |= self.viewer.orbit != orbit

@@ -509,3 +509,21 @@ def test_a_flood_of_fingers_and_devices_stays_bounded() -> None:
     table.stage.advance(2.0)
     assert core.fingers == {}  # type: ignore[attr-defined]
     assert core.contacts.heard == {}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("resting", [1, 2])
+def test_fingers_that_rest_on_nothing_do_not_hold_a_drag_up(resting: int) -> None:
+    alone, table = Table(), Table()
+    x, y = table.place("left_hand")
+    alone.down(1, (x, y))
+    table.down(1, (x, y))
+    for key in range(resting):
+        table.down(10 + key, (0.05 + 0.03 * key, 0.9))
+    for k in range(60):
+        share = (k + 1) / 60
+        alone.drag(1, (x + 0.02 * share, y - 0.06 * share), 1.0 / HZ)
+        # Fingers are never quite still.
+        for key in range(resting):
+            table.fingers[10 + key] = (0.05 + 0.03 * key + 0.0002 * (-1) ** k, 0.9)
+        table.drag(1, (x + 0.02 * share, y - 0.06 * share), 1.0 / HZ)
+    assert np.array(table.target.left_hand) == pytest.approx(np.array(alone.target.left_hand), abs=0.02)
