@@ -29,12 +29,15 @@ def frame(contacts: list[dict[str, Any]], seq: int) -> bytes:
     return packed
 
 
-def drag(stack: Stack, count: int = 60) -> dict[str, Any]:
-    """Drag the left hand as a device would; gives the last pose."""
+def drag(stack: Stack, count: int = 60, recorded: bool = False) -> dict[str, Any]:
+    """Drag the left hand as a device would, once it is heard (and recorded); gives the last pose."""
     camera, pose = stack.reader("camera"), stack.reader("pose")
     read(camera)
     touch = stack.writer("touch")
     assert touch.poll(30_000), "nobody hears touches"
+    while recorded:
+        assert touch.poll(30_000), "the recorder does not hear touches"
+        recorded = touch.recv() != b"\x01\xc1recorder"
     hand = project(default_camera(), np.array([[0.267, 0.80, 0.051]]))[0]
     last: dict[str, Any] = {}
     for k in range(count):
@@ -79,7 +82,7 @@ def test_a_device_moves_the_figure_and_ctrl_c_leaves_nothing(launch: Launch) -> 
 def test_a_killed_controller_takes_up_and_the_bag_is_whole(launch: Launch, tmp_path: Path) -> None:
     bag = tmp_path / "a.mcap"
     stack = launch(*TOUCH, f"record:={bag}", "--without", "input_touch")
-    before = root_of(drag(stack))
+    before = root_of(drag(stack, recorded=True))
     pose = stack.reader("pose")
     read(pose)
     first = stack.pid("controller")
