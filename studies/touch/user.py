@@ -333,6 +333,8 @@ class TouchUser:
         for again in range(8):
             if again:
                 self.gather()
+                if "pelvis" not in lower and "turn" not in lower and float(np.linalg.norm(self.off("pelvis"))) > NEAR:
+                    self.place("pelvis", keep=False)
             for name in ("front", "side") if any(part in goal.depth for part in lower) else ("front",):
                 self.view(name)
                 for part in lower:
