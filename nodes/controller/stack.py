@@ -79,7 +79,7 @@ LANDING_TIME = 0.45
 """Time constant of the last bit of a sinking foot, s."""
 STILL_BENDS = 0.01
 """rad by which the trunk bends in a round in which the knees still wait."""
-REACH_DUCK = 0.66
+REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 HANG = (0.17, -0.97, 0.10)
 """Direction of the left arm at rest."""

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 FORWARD, BACKWARD, SIDEWARD = float(TRUNK_LEAN[0]), float(TRUNK_LEAN[1]), float(TRUNK_LEAN[2])
 MOST_TWIST = float(TRUNK_TWIST)
-STOOP = 1.2
+STOOP = 0.12
 """How far ahead of itself a shoulder goes for every metre that it has to go down."""
 SHORTEST = 1.0 / 120.0
 """s: targets that come closer together are not taken for fast."""

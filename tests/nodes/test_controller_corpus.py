@@ -124,7 +124,7 @@ def corpus() -> tuple[Script, ...]:
         drag("left_hand", (0.1, 0.30, 0.40), pace=0.15, hold=0.1, name="flick and let go", release=4.0),
         # Beyond reach.
         drag("left_hand", (0.1, 0.45, 0.75), name="lean ahead", reachable=True),
-        drag("left_hand", (0.1, -0.55, 0.55), name="down to the knee", reachable=True),
+        drag("left_hand", (0.1, -0.40, 0.40), name="down to the knee", reachable=True),
         drag("right_hand", (0.0, -0.80, 0.40), name="down to the floor"),
         drag("right_hand", (-0.65, 0.55, 0.0), name="lean aside"),
         drag("left_hand", (0.0, 1.60, 0.0), name="far up"),
@@ -152,7 +152,7 @@ def corpus() -> tuple[Script, ...]:
         drag("right_foot", (-0.25, 0.12, 0.15), (-0.25, 0.0, 0.15), name="place a foot", release=3.0),
         drag("left_foot", (0.0, 2.5, 0.5), name="foot out of reach"),
         # Pelvis.
-        drag("pelvis", (0.0, -0.22, -0.06), name="duck", reachable=True),
+        drag("pelvis", (0.0, -0.18, -0.07), name="duck", reachable=True),
         drag("pelvis", (0.0, -0.80, 0.0), name="duck into the floor"),
         drag("pelvis", (0.05, -0.05, 0.04), name="sway", reachable=True),
         drag("pelvis", (0.6, 0.0, 0.0), name="pelvis out of its support"),
