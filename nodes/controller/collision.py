@@ -248,7 +248,7 @@ def avoid(
     centers, axes, push = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4)
     yielding = np.empty(joints)
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
-    goal, start = np.empty(3), np.empty(3)
+    goal, start, at_start = np.empty(3), np.empty(3), np.empty(3)
     limits = contacts.limits
     st.mode[2] = 0.0
     order = np.array([0, 1, 2, 3])
@@ -295,6 +295,8 @@ def avoid(
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         was_free = gap >= -1e-4
         far = distance(goal, positions_ws[rig.limbs[limb, 2]])
+        for k in range(3):
+            at_start[k] = positions_ws[rig.limbs[limb, 2], k]
         farthest = SLIDE * moved[limb] + CREEP * dt
         share = min(1.0, farthest / max(way, 1e-9))
         strides = min(MOST_STRIDES, max(1, int(np.ceil(way * share / STRIDE))))
@@ -321,7 +323,8 @@ def avoid(
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
         turned = abs(st.swivels[limb] - swivels_before[limb])
-        slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt or nearer > 2.0 * farthest
+        slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt
+        slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
         if was_free and (gap < -1e-4 or nearer < LEAST_PROGRESS * dt or slips):
             # Back to the last free place (eq. 27 with t = 0).
             for k in range(3):

@@ -77,10 +77,14 @@ SWIVEL_PER_WAY, SWIVEL_RATE = 12.0, 0.3
 """rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
 LANDING_TIME = 0.45
 """Time constant of the last bit of a sinking foot, s."""
-STILL_BENDS = 0.01
+STILL_BENDS = 0.04
 """rad by which the trunk bends in a round in which the knees still wait."""
 REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
+BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.12, 8.0, 0.6
+"""How far the pelvis goes for every metre of the held ends, m/s on top, rad/m and rad/s for the trunk."""
+SHIFT_WEIGHT = 0.8
+"""m/s of the same for a foot that leaves the ground."""
 HANG = (0.17, -0.97, 0.10)
 """Direction of the left arm at rest."""
 
@@ -326,7 +330,7 @@ def agree(
 
     On return the world arrays hold the agreed pose, with the swivels of the last step.
     """
-    shift, part, rest, chest = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    shift, part, rest, chest, shoulder = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     pelvis_votes, trunk_votes = np.empty((2, 3)), np.empty((2, 4))
     pelvis_weights, trunk_weights = np.empty(2), np.empty(2)
     hips, start, turn, room = np.empty((2, 3)), np.empty(3), np.empty(4), np.empty(2)
@@ -374,7 +378,9 @@ def agree(
         if not last_word:
             for k in range(3):
                 shift[k] = 0.0
-            lacking, arm = 0, -1
+            lacking, arms_lacking = 0, 0
+            for k in range(3):
+                shoulder[k] = 0.0
             for limb in range(4):
                 # (An end that a held elbow takes along asks for nothing.)
                 if held.flags[1 + limb] > 0.5 and flags[1 + limb] > 0.5:
@@ -384,7 +390,10 @@ def agree(
                     if lack > 0.0:
                         most = max(most, lack)
                         lacking += 1
-                        arm = limb if limb < 2 else arm
+                        if limb < 2:
+                            arms_lacking += 1
+                            for k in range(3):
+                                shoulder[k] += positions_ws[rig.limbs[limb, 0], k]
                         for k in range(3):
                             shift[k] += part[k]
             if lacking > 0:
@@ -397,15 +406,18 @@ def agree(
                 for k in range(3):
                     shift[k] *= stride
                     rest[k] = shift[k]
-                if arm >= 0 and trunk_free:
+                if arms_lacking > 0 and trunk_free:
+                    for k in range(3):
+                        shoulder[k] /= arms_lacking
                     reach_with_trunk(
-                        shift, positions_ws[rig.limbs[arm, 0]], positions_ws[back], st.turns[0], st.heading[0],
+                        shift, shoulder, positions_ws[back], st.turns[0], st.heading[0],
                         under.turns[0], room, trunk_votes[0], rest,
                     )  # fmt: skip
                     trunk_weights[0] = gains.w_tracking
                     mul_inv(trunk_votes[0], st.turns[0], turn)
-                    if angle(turn) > STILL_BENDS and rest[1] < 0.0:
-                        rest[1] *= 0.1  # down with the trunk first, then with the knees
+                    if rest[1] < 0.0:
+                        # Down with the trunk first, then with the knees.
+                        rest[1] *= 1.0 - 0.9 * min(1.0, angle(turn) / STILL_BENDS)
                 if pelvis_free:
                     for k in range(3):
                         pelvis_votes[0, k] = st.points[0, k] + rest[k]
@@ -448,6 +460,46 @@ def agree(
         if most < ENOUGH and moved < 1e-8:
             break
     return size
+
+
+@kernel
+def hold_back(
+    rig: Rig, gains: Gains, st: State, under: Under, flags: Array, aims_before: Array, pelvis: Array, trunk: Array,
+    positions_ws: Array, dt: float,
+) -> bool:  # fmt: skip
+    """Let trunk and pelvis go to what tracking and balance agreed on only about as fast as the held ends move.
+
+    The agreement may jump from one way of reaching to another; the body takes its time. True if it was held back.
+    """
+    moved = 0.0
+    for limb in range(4):
+        if flags[1 + limb] > 0.5:
+            way = 0.0
+            for k in range(3):
+                way += (st.aims[1 + limb, k] - aims_before[1 + limb, k]) ** 2
+            moved += sqrt(way)
+    for side in range(2):
+        if st.support[side] > 0.0 and st.planted[side] < 0.5:
+            moved += SHIFT_WEIGHT * dt
+    way = 0.0
+    for k in range(3):
+        way += (st.points[0, k] - pelvis[k]) ** 2
+    q = np.empty(4)
+    mul_inv(st.turns[0], trunk, q)
+    most = min(1.0, (BODY_WAY * moved + BODY_SPEED * dt) / max(sqrt(way), 1e-9))
+    most = min(most, (BODY_TURN * moved + BODY_SPIN * dt) / max(angle(q), 1e-9))
+    if most >= 1.0:
+        return False
+    hips = np.empty((2, 3))
+    for k in range(3):
+        st.points[0, k] = pelvis[k] + most * (st.points[0, k] - pelvis[k])
+        for side in range(2):
+            hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
+    slerp(trunk, st.turns[0], most, st.turns[0])
+    keep_pelvis_over_feet(
+        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, False, True
+    )  # fmt: skip
+    return True
 
 
 @kernel
@@ -673,6 +725,14 @@ def advance(
         rig, gains, st, held, under, contacts, arms, flags, mass_share, hull, center, rotations_ls, positions_ws,
         rotations_ws,
     )  # fmt: skip
+    by_itself = flags[0] < 0.5 and held.flags[5] < 0.5 and not stepping and not over
+    if by_itself and hold_back(
+        rig, gains, st, under, flags, aims_before, relaxed_pelvis, relaxed_trunk, positions_ws, dt
+    ):  # fmt: skip
+        reconstruct_into(
+            rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
+            rotations_ws,
+        )  # fmt: skip
     if not over:
         sway_hands(rig, gains, st, flags, trunk_before[0], carried[0], arms, positions_ws)
         for limb in range(2):
