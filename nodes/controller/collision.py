@@ -229,7 +229,7 @@ def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
 
 @kernel
 def avoid(
-    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, flags: Array,
+    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, untouched: bool, flags: Array,
     swivels_before: Array, plain: Array, moved: Array, rotations_ls: Array, positions_ws: Array,
     rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
@@ -239,7 +239,8 @@ def avoid(
     nearer rests.
 
     Args:
-        flags: (5,) which points are driven; a motion's own limbs are left as they are.
+        untouched: nothing is held and everything is where its motion has it.
+        flags: (5,) which points are driven.
         swivels_before: (4,) rad, of the last step.
         plain: (4,) rad, the swivels without what earlier contacts added.
         moved: (4,) m, how far each limb's goal has moved: what touches something slides about as fast.
@@ -263,7 +264,11 @@ def avoid(
         limb = order[turn]
         row = limb + 1
         fixed = limb >= 2 and st.planted[limb - 2] > 0.5
+        # A motion's own legs, and all of a motion that nobody touches, are as its maker wanted them.
+        own = under.active[0] > 0.5 and flags[row] < 0.5
+        fixed = fixed or (own and (limb >= 2 or untouched))
         if fixed:
+            st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
             for k in range(3):
                 st.wishes[limb, k] = st.points[row, k]
             continue

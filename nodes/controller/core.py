@@ -7,7 +7,7 @@ from bunraku.figure.boxes import collision_pairs
 from bunraku.figure.fk import fk_into
 from bunraku.figure.jit import kernel
 from bunraku.figure.limits import limits_of
-from bunraku.figure.mass import upper_body_share
+from bunraku.figure.mass import center_of_mass_into, upper_body_share
 from bunraku.figure.pointpose import analyse_into, default_swivel, reconstruct_into
 from bunraku.figure.quat import exp, inv_mul, log, mul
 from bunraku.figure.rig import Rig, pack_rig, rig_of
@@ -205,6 +205,7 @@ class Stack:
             rig, local, positions, under.base.rotations_ws, under.points, under.turns, under.swivels, under.feet,
             under.base.rolls, under.base.exact,
         )  # fmt: skip
+        center_of_mass_into(rig.masses, rig.mass_centers, positions, under.base.rotations_ws, under.center)
         under.active[0] = 1.0
         under.contacts[:] = contacts
         for limb in range(4):

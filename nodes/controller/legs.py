@@ -43,6 +43,7 @@ def keep_pelvis_over_feet(
     """
     forward, ahead = np.empty(3), np.array([0.0, 0.0, 1.0])
     v = np.empty(3)
+    pelvis[1] = max(pelvis[1], LOWEST_PELVIS)
     for _ in range(6):
         worst = keep_near_feet(points, planted, pelvis) if near else 0.0
         for side in range(2):

@@ -323,8 +323,9 @@ def turn_feet(rig: Rig, gains: Gains, st: State, under: Under, yaws: Array, dt: 
 
 @kernel
 def agree(
-    rig: Rig, gains: Gains, st: State, held: Held, under: Under, contacts: Contacts, arms: Array, flags: Array,
-    mass_share: float, hull: Array, center: Array, rotations_ls: Array, positions_ws: Array, rotations_ws: Array,
+    rig: Rig, gains: Gains, st: State, held: Held, under: Under, contacts: Contacts, untouched: bool, arms: Array,
+    flags: Array, mass_share: float, hull: Array, center: Array, rotations_ls: Array, positions_ws: Array,
+    rotations_ws: Array,
 ) -> int:  # fmt: skip
     """Rounds of tracking and balance on trunk and pelvis until both are content; returns the hull's size.
 
@@ -423,8 +424,13 @@ def agree(
                         pelvis_votes[0, k] = st.points[0, k] + rest[k]
                     pelvis_weights[0] = gains.w_tracking
         # Balance, but not in the middle of a step, nor for a motion that nobody touches.
-        if size > 0 and not stepping and not (over and most == 0.0 and round_ == 0 and nothing_driven(st, flags, held)):
+        if size > 0 and not stepping and not untouched:
             balance_shift(hull, size, center, gains.margin, shift)
+            if over:
+                # A motion may be out of balance by itself, as every walk is: only what is added counts.
+                balance_shift(hull, size, under.center, gains.margin, part)
+                for k in range(3):
+                    shift[k] -= part[k]
             lack = sqrt(shift[0] ** 2 + shift[2] ** 2)
             if lack > 1e-6:
                 most = max(most, lack)
@@ -503,19 +509,18 @@ def hold_back(
 
 
 @kernel
-def nothing_driven(st: State, flags: Array, held: Held) -> bool:
-    """Whether every part is where its motion has it."""
-    for n in range(8):
+def nothing_driven(st: State, flags: Array, held: Held, goals: Array, arms: Array) -> bool:
+    """Whether nothing is held and every part is where its motion has it."""
+    for n in range(held.flags.shape[0]):
         if held.flags[n] > 0.5:
             return False
     off = 0.0
     for k in range(3):
-        off += abs(st.points[0, k] - st.goals[0, k])
-    for limb in range(2):
-        for k in range(3):
-            off += abs(st.points[1 + limb, k] - st.roots[limb, k] - st.goals[1 + limb, k])
-            off += abs(st.points[3 + limb, k] - st.goals[3 + limb, k])
-    return off < 1e-3
+        off += abs(st.points[0, k] - goals[0, k])
+        for limb in range(2):
+            off += abs(arms[limb, k] - goals[1 + limb, k])
+            off += abs(st.points[3 + limb, k] - goals[3 + limb, k])
+    return off < 2e-3
 
 
 @kernel
@@ -699,10 +704,12 @@ def advance(
             gains.ease_time, dt,
         )  # fmt: skip
     st.held[0] = flags[0]
-    # Hands and feet.
+    # Hands and feet; what a motion carries along does not count as moved.
     for n in range(5):
         for k in range(3):
             aims_before[n, k] = st.aims[n, k] if st.held[n] > 0.5 else st.points[n, k]
+            if over:
+                aims_before[n, k] += goals[0, k] - st.goals[0, k]
     move_ends(rig, gains, st, held, goals, over, positions_ws, carried, arms, flags, dt)
     if stepping:
         advance_step(
@@ -721,9 +728,10 @@ def advance(
     for k in range(3):
         relaxed_pelvis[k] = st.points[0, k]
     keep_head(st, under)
+    untouched = over and nothing_driven(st, flags, held, goals, arms)
     size = agree(
-        rig, gains, st, held, under, contacts, arms, flags, mass_share, hull, center, rotations_ls, positions_ws,
-        rotations_ws,
+        rig, gains, st, held, under, contacts, untouched, arms, flags, mass_share, hull, center, rotations_ls,
+        positions_ws, rotations_ws,
     )  # fmt: skip
     by_itself = flags[0] < 0.5 and held.flags[5] < 0.5 and not stepping and not over
     if by_itself and hold_back(
@@ -759,7 +767,7 @@ def advance(
         # What is free moves only as fast as it relaxes.
         moved[limb] = sqrt(way) if flags[1 + limb] > 0.5 else min(sqrt(way), gains.relax_ends * dt)
     avoid(
-        rig, gains, st, under, contacts, flags, swivels_before, plain, moved, rotations_ls, positions_ws,
+        rig, gains, st, under, contacts, untouched, flags, swivels_before, plain, moved, rotations_ls, positions_ws,
         rotations_ws, dt,
     )  # fmt: skip
 

@@ -183,24 +183,25 @@ class Under(NamedTuple):
     feet: Array  # (2, 4)
     contacts: Array  # (2,)
     roots: Array  # (4, 3) m, where its limbs hang
+    center: Array  # (3,) m, its centre of mass
 
 
 def under_size(joints: int) -> int:
     """Numbers in an `Under` of so many joints."""
-    return 86 + 8 * joints
+    return 89 + 8 * joints
 
 
 @kernel
 def unpack_under(b: Array, joints: int) -> Under:
     """What the stack is laid over, as views of a buffer of `under_size` numbers."""
-    k = 86
+    k = 89
     base = Base(
         b[k : k + 4 * joints].reshape(joints, 4), b[k + 4 * joints : k + 8 * joints].reshape(joints, 4),
         b[50:82].reshape(4, 2, 4), b[82:86],
     )  # fmt: skip
     return Under(
         b[0:1], base, b[1:16].reshape(5, 3), b[16:24].reshape(2, 4), b[24:28], b[28:36].reshape(2, 4), b[36:38],
-        b[38:50].reshape(4, 3),
+        b[38:50].reshape(4, 3), b[86:89],
     )  # fmt: skip
 
 
