@@ -103,8 +103,16 @@ def deepest_overlap(pairs: Index, centers: Array, axes: Array, sizes: Array) -> 
     """The largest depth (m, 0 for none) over pairs (P, 2) of joints."""
     worst = 0.0
     axis = np.empty(3)
+    radii = np.empty(sizes.shape[0])
+    for joint in range(sizes.shape[0]):
+        radii[joint] = sqrt(sizes[joint, 0] ** 2 + sizes[joint, 1] ** 2 + sizes[joint, 2] ** 2)
     for n in range(pairs.shape[0]):
-        worst = max(worst, -pair_gap(centers, axes, sizes, pairs[n, 0], pairs[n, 1], axis, 0.0))
+        a, b = pairs[n, 0], pairs[n, 1]
+        dx, dy, dz = centers[a, 0] - centers[b, 0], centers[a, 1] - centers[b, 1], centers[a, 2] - centers[b, 2]
+        far = radii[a] + radii[b] - worst  # spheres that overlap less than the worst cannot be worse
+        if far > 0.0 and dx * dx + dy * dy + dz * dz < far * far:
+            gap = box_gap(centers[a], axes[a], sizes[a], centers[b], axes[b], sizes[b], axis, -worst)
+            worst = max(worst, -gap)
     return worst
 
 

@@ -30,13 +30,13 @@ STRIDE = 0.04
 MOST_STRIDES = 10
 PUSHES = 6
 """Most pushes after one stride."""
-SLIDE, CREEP = 1.5, 0.20
+SLIDE, CREEP = 1.5, 0.15
 """How much faster than its goal a limb slides along something, and m/s at which it does where the goal rests."""
-SLIDE_TURN, CREEP_TURN = 12.0, 1.0
+SLIDE_TURN, CREEP_TURN = 8.0, 0.7
 """rad/m and rad/s: the same for the turn of its elbow or knee."""
 LEAST_PROGRESS = 0.012
 """m/s: one that comes no nearer than this stays where it is."""
-SHALLOW = 0.003
+SHALLOW = 0.005
 """m: an overlap that is mended gently."""
 PUSH_HALF_LIFE = 0.25
 """s in which the turn of an elbow that avoided something goes back."""

@@ -73,7 +73,7 @@ UNPLANT = 0.01
 """m that a held foot is pulled before it leaves its place."""
 KNEE_LIFT = 0.10
 """m that a held knee is pulled before it lifts its foot."""
-SWIVEL_PER_WAY, SWIVEL_RATE = 12.0, 0.3
+SWIVEL_PER_WAY, SWIVEL_RATE = 8.0, 0.3
 """rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
 LANDING_TIME = 0.45
 """Time constant of the last bit of a sinking foot, s."""
@@ -81,7 +81,7 @@ STILL_BENDS = 0.04
 """rad by which the trunk bends in a round in which the knees still wait."""
 REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
-BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.12, 8.0, 0.6
+BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.06, 8.0, 0.4
 """How far the pelvis goes for every metre of the held ends, m/s on top, rad/m and rad/s for the trunk."""
 SHIFT_WEIGHT = 0.8
 """m/s of the same for a foot that leaves the ground."""

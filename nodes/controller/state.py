@@ -28,11 +28,11 @@ class Gains(NamedTuple):
     """Influence of the trunk's velocity on the ends (eq. 22)."""
     pelvis_trunk: float = 0.5
     """The pelvis's part of a balance correction (eqs 17-18)."""
-    relax_trunk: float = 0.45
+    relax_trunk: float = 0.33
     """rad/s at which the trunk and the head come upright."""
     relax_ends: float = 0.34
     """m/s at which free hands sink."""
-    relax_reach: float = 0.15
+    relax_reach: float = 0.10
     """m/s at which the pelvis comes back from a reach."""
     relax_feet: float = 0.30
     """m/s at which free feet sink to the floor."""
