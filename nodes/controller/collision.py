@@ -36,6 +36,8 @@ SLIDE_TURN, CREEP_TURN = 8.0, 0.7
 """rad/m and rad/s: the same for the turn of its elbow or knee."""
 LEAST_PROGRESS = 0.012
 """m/s: one that comes no nearer than this stays where it is."""
+WAIT = 0.5
+"""s that a free limb rests on something before it slides on."""
 SHALLOW = 0.005
 """m: an overlap that is mended gently."""
 PUSH_HALF_LIFE = 0.25
@@ -273,6 +275,7 @@ def avoid(
                 st.wishes[limb, k] = st.points[row, k]
             continue
         limited = flags[row] > 0.5 or under.active[0] < 0.5
+        st.stuck[limb] = max(0.0, st.stuck[limb] - dt) if flags[row] < 0.5 else 0.0
         root = positions_ws[rig.limbs[limb, 0]]
         for k in range(3):
             goal[k] = st.points[row, k]
@@ -284,12 +287,14 @@ def avoid(
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         way = distance(goal, start)
         if gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
-            if gap > 0.03:
+            if gap > 0.008:
                 st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
             for k in range(3):
                 st.wishes[limb, k] = goal[k]
                 if limited:
                     st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
+                if flags[row] < 0.5:
+                    st.wishes[limb, k] = st.points[row, k]
             continue
         st.mode[2] = 1.0
         # From the last place, where it was free unless the body moved.
@@ -330,7 +335,10 @@ def avoid(
         turned = abs(st.swivels[limb] - swivels_before[limb])
         slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt
         slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
-        if was_free and (gap < -1e-4 or nearer < LEAST_PROGRESS * dt or slips):
+        # A free limb's goal is always just ahead: after a while it may also slide past what is in its way.
+        rests = nearer < LEAST_PROGRESS * dt and (flags[row] > 0.5 or st.stuck[limb] < WAIT)
+        if was_free and (gap < -1e-4 or rests or slips):
+            st.stuck[limb] = min(1.0, st.stuck[limb] + 2.0 * dt)
             # Back to the last free place (eq. 27 with t = 0).
             for k in range(3):
                 st.points[row, k] = start[k]
@@ -344,3 +352,5 @@ def avoid(
         for k in range(3):
             st.wishes[limb, k] = st.points[row, k]
             st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
+            if flags[row] < 0.5:
+                st.wishes[limb, k] = st.points[row, k]

@@ -75,6 +75,8 @@ KNEE_LIFT = 0.10
 """m that a held knee is pulled before it lifts its foot."""
 SWIVEL_PER_WAY, SWIVEL_RATE = 8.0, 0.3
 """rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
+STUCK, DETOUR = 0.3, 3.0
+"""s after which an arm that something stops goes round it, and how far out."""
 LANDING_TIME = 0.45
 """Time constant of the last bit of a sinking foot, s."""
 STILL_BENDS = 0.04
@@ -260,13 +262,24 @@ def move_ends(
         elif limb < 2:
             for k in range(3):
                 arms[limb, k] = st.points[row, k] - st.roots[limb, k]
+                if st.held[row] > 0.5:
+                    st.wishes[limb, k] = st.points[row, k]
             carry_hand(arms[limb], st.goals[row], goals[row])
             for k in range(3):
                 ends[row, k] = arms[limb, k]
             sign = 1.0 if limb == 0 else -1.0
             aside[0], aside[1], aside[2] = 0.85 * sign * c + 0.5 * s, 0.0, 0.5 * c - 0.85 * sign * s
+            # An arm that cannot go on tries farther out.
+            detour = DETOUR * min(1.0, st.stuck[limb] / STUCK) if st.stuck[limb] > 0.0 else 0.0
+            reach = sqrt(goals[row, 0] ** 2 + goals[row, 1] ** 2 + goals[row, 2] ** 2)
+            size = 0.0
+            for k in range(3):
+                wanted[k] = goals[row, k] / reach + detour * aside[k]
+                size += wanted[k] * wanted[k]
+            for k in range(3):
+                wanted[k] *= reach / sqrt(size)
             relax_hand(
-                arms[limb], st.velocities[row], goals[row], aside, rig.lengths[limb, 0], rig.lengths[limb, 1],
+                arms[limb], st.velocities[row], wanted, aside, rig.lengths[limb, 0], rig.lengths[limb, 1],
                 gains.relax_ends, gains.relax_time, gains.ease_time, dt,
             )  # fmt: skip
         elif over:
@@ -765,7 +778,7 @@ def advance(
                 root = positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
                 way += (st.points[1 + limb, k] - before[1 + limb, k] - root) ** 2
         # What is free moves only as fast as it relaxes.
-        moved[limb] = sqrt(way) if flags[1 + limb] > 0.5 else min(sqrt(way), gains.relax_ends * dt)
+        moved[limb] = sqrt(way) if flags[1 + limb] > 0.5 else min(sqrt(way), 0.3 * gains.relax_ends * dt)
     avoid(
         rig, gains, st, under, contacts, untouched, flags, swivels_before, plain, moved, rotations_ls, positions_ws,
         rotations_ws, dt,

@@ -104,13 +104,14 @@ class State(NamedTuple):
     turn_offset_rates: Array  # (2, 3)
     pelvis_rest: Array  # (3,) m, where the pelvis was left against its place over the feet
     wishes: Array  # (4, 3) m, the ends as they went into the limbs, before joint limits held them back
+    stuck: Array  # (4,) s that a free limb could not go on
     beyond: Array  # (4, 3) m, forearm or shin when its elbow or knee was grabbed
     lift: Array  # (2,) a foot that a held knee has lifted
     mode: Array  # (3,) started, over a motion, something touches
     step: Array  # (32,) see bunraku.nodes.controller.step
 
 
-STATE_SIZE = 273
+STATE_SIZE = 277
 """Numbers in a state."""
 
 
@@ -145,10 +146,11 @@ def unpack_state(b: Array) -> State:
         b[203:209].reshape(2, 3),
         b[209:212],
         b[212:224].reshape(4, 3),
-        b[224:236].reshape(4, 3),
-        b[236:238],
-        b[238:241],
-        b[241:273],
+        b[224:228],
+        b[228:240].reshape(4, 3),
+        b[240:242],
+        b[242:245],
+        b[245:277],
     )
 
 
