@@ -14,6 +14,7 @@ from bunraku.figure.jit import kernel
 from bunraku.figure.limb import flexion_of
 from bunraku.figure.quat import between, log, mul, mul_inv, rotate
 from bunraku.figure.quat import exp as quat_exp
+from bunraku.nodes.controller.state import State, Under
 
 Array = NDArray[np.float64]
 
@@ -152,3 +153,30 @@ def twist_of(turn: Array) -> float:
     """The heading (rad) in an orientation: its twist about +Y."""
     angle = 2.0 * atan2(turn[1], turn[3])
     return atan2(sin(angle), cos(angle))
+
+
+@kernel
+def take_away(velocity: Array, moved: Array, span: float) -> None:
+    """Take from a relaxing velocity (3) what the other modules' movement (3) worked against, in place."""
+    against, size = 0.0, 0.0
+    for k in range(3):
+        against += velocity[k] * moved[k] / span
+        size += (moved[k] / span) ** 2
+    if against < 0.0 and size > 1e-12:
+        share = min(1.0, -against / size)
+        for k in range(3):
+            velocity[k] += share * moved[k] / span
+
+
+@kernel
+def keep_head(st: State, under: Under) -> None:
+    """Keep the head within what the neck can do."""
+    q, v = np.empty(4), np.empty(3)
+    mul_inv(st.turns[1], st.turns[0], q)
+    log(q, v)
+    off = sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    if off > 1.0 and under.active[0] < 0.5:
+        for k in range(3):
+            v[k] *= 1.0 / off
+        quat_exp(v, q)
+        mul(q, st.turns[0], st.turns[1])

@@ -1,0 +1,245 @@
+"""Tracking and balance agree on trunk and pelvis (Oshita 2013 eq. 13).
+
+Each says what trunk and pelvis would have to do; the weighted mean of their votes is taken again and again until
+both are content (averaged projections, so that the order does not matter). What legs and ground allow is kept in
+every round; balance has the last word.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bunraku.figure.jit import kernel
+from bunraku.figure.mass import center_of_mass_into
+from bunraku.figure.pointpose import reconstruct_into
+from bunraku.figure.quat import angle, mul_inv, slerp
+from bunraku.figure.rig import Rig
+from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
+from bunraku.nodes.controller.blend import blend_point, blend_turn
+from bunraku.nodes.controller.collision import Contacts, place_limb
+from bunraku.nodes.controller.legs import keep_pelvis_over_feet, lean_room
+from bunraku.nodes.controller.state import Gains, Held, State, Under
+from bunraku.nodes.controller.step import IDLE, PHASE
+from bunraku.nodes.controller.tracking import keep_lean, reach_with_trunk, root_shift
+
+Array = NDArray[np.float64]
+
+ROUNDS = 10
+"""Most rounds of tracking and balance in one step."""
+PULL = 0.06
+"""m by which tracking pulls a limb's root in one round."""
+LAST_ROUNDS = 6
+"""Most rounds in which balance alone has the last word."""
+ENOUGH = 2e-4
+"""m: shifts below this end the rounds."""
+STILL_BENDS = 0.04
+"""rad by which the trunk bends in a round in which the knees still wait."""
+REACH_DUCK = 0.74
+"""Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
+BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.06, 8.0, 0.4
+"""How far the pelvis goes for every metre of the held ends, m/s on top, rad/m and rad/s for the trunk."""
+SHIFT_WEIGHT = 0.8
+"""m/s of the same for a foot that leaves the ground."""
+
+
+@kernel
+def nothing_driven(st: State, flags: Array, held: Held, goals: Array, arms: Array) -> bool:
+    """Whether nothing is held and every part is where its motion has it."""
+    for n in range(held.flags.shape[0]):
+        if held.flags[n] > 0.5:
+            return False
+    off = 0.0
+    for k in range(3):
+        off += abs(st.points[0, k] - goals[0, k])
+        for limb in range(2):
+            off += abs(arms[limb, k] - goals[1 + limb, k])
+            off += abs(st.points[3 + limb, k] - goals[3 + limb, k])
+    return off < 2e-3
+
+
+@kernel
+def agree(
+    rig: Rig, gains: Gains, st: State, held: Held, under: Under, contacts: Contacts, untouched: bool, arms: Array,
+    flags: Array, mass_share: float, hull: Array, center: Array, rotations_ls: Array, positions_ws: Array,
+    rotations_ws: Array,
+) -> int:  # fmt: skip
+    """Rounds of tracking and balance on trunk and pelvis until both are content; returns the hull's size.
+
+    On return the world arrays hold the agreed pose, with the swivels of the last step.
+    """
+    shift, part, rest, chest, shoulder = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    pelvis_votes, trunk_votes = np.empty((2, 3)), np.empty((2, 4))
+    pelvis_weights, trunk_weights = np.empty(2), np.empty(2)
+    hips, start, turn, room = np.empty((2, 3)), np.empty(3), np.empty(4), np.empty(2)
+    pelvis_free, trunk_free = flags[0] < 0.5, held.flags[5] < 0.5
+    stepping = st.step[PHASE] != IDLE
+    over = under.active[0] > 0.5
+    # A pelvis that is held, or was left low, may be low; a reach alone does not pull it far down.
+    low = not pelvis_free or st.pelvis_rest[1] < -0.02
+    duck = gains.duck if low else max(gains.duck, REACH_DUCK)
+    back = rig.back[0]
+    size = 0
+    # A pelvis that is held where no leg reaches must not be looked at there.
+    for k in range(3):
+        for side in range(2):
+            hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
+    keep_pelvis_over_feet(
+        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False,
+        not stepping and not over,
+    )  # fmt: skip
+    for round_ in range(ROUNDS + LAST_ROUNDS):
+        last_word = round_ >= ROUNDS
+        reconstruct_into(
+            rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
+            rotations_ws,
+        )  # fmt: skip
+        for limb in range(4):
+            if flags[1 + limb] > 0.5:
+                # As far as its joints go: what they hold back weighs where it is.
+                place_limb(rig, st, under, contacts.limits, limb, True, rotations_ls, positions_ws, rotations_ws)
+            elif limb < 2:
+                for k in range(3):
+                    st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
+        center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
+        size = sole_polygon(rig, st.points, st.feet, st.support, hull)
+        lean_room(rig, positions_ws, st.planted, st.heading[0], room)
+        for k in range(3):
+            start[k] = st.points[0, k]
+            chest[k] = positions_ws[rig.neck[0], k]
+            for side in range(2):
+                hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - st.points[0, k]
+        for k in range(2):
+            pelvis_weights[k], trunk_weights[k] = 0.0, 0.0
+        most = 0.0
+        # Tracking: the mean of what the held ends still lack.
+        if not last_word:
+            for k in range(3):
+                shift[k] = 0.0
+            lacking, arms_lacking = 0, 0
+            for k in range(3):
+                shoulder[k] = 0.0
+            for limb in range(4):
+                # (An end that a held elbow takes along asks for nothing.)
+                if held.flags[1 + limb] > 0.5 and flags[1 + limb] > 0.5:
+                    lack = root_shift(
+                        st.points[1 + limb], positions_ws[rig.limbs[limb, 0]], under.base.exact[limb], part
+                    )  # fmt: skip
+                    if lack > 0.0:
+                        most = max(most, lack)
+                        lacking += 1
+                        if limb < 2:
+                            arms_lacking += 1
+                            for k in range(3):
+                                shoulder[k] += positions_ws[rig.limbs[limb, 0], k]
+                        for k in range(3):
+                            shift[k] += part[k]
+            if lacking > 0:
+                size_ = 0.0
+                for k in range(3):
+                    shift[k] /= lacking
+                    size_ += shift[k] * shift[k]
+                # In small strides: the legs' limits then turn the pelvis aside instead of pulling it down.
+                stride = min(1.0, PULL / max(sqrt(size_), 1e-9))
+                for k in range(3):
+                    shift[k] *= stride
+                    rest[k] = shift[k]
+                if arms_lacking > 0 and trunk_free:
+                    for k in range(3):
+                        shoulder[k] /= arms_lacking
+                    reach_with_trunk(
+                        shift, shoulder, positions_ws[back], st.turns[0], st.heading[0],
+                        under.turns[0], room, trunk_votes[0], rest,
+                    )  # fmt: skip
+                    trunk_weights[0] = gains.w_tracking
+                    mul_inv(trunk_votes[0], st.turns[0], turn)
+                    if rest[1] < 0.0:
+                        # Down with the trunk first, then with the knees.
+                        rest[1] *= 1.0 - 0.9 * min(1.0, angle(turn) / STILL_BENDS)
+                if pelvis_free:
+                    for k in range(3):
+                        pelvis_votes[0, k] = st.points[0, k] + rest[k]
+                    pelvis_weights[0] = gains.w_tracking
+        # Balance, but not in the middle of a step, nor for a motion that nobody touches.
+        if size > 0 and not stepping and not untouched:
+            balance_shift(hull, size, center, gains.margin, shift)
+            if over:
+                # A motion may be out of balance by itself, as every walk is: only what is added counts.
+                balance_shift(hull, size, under.center, gains.margin, part)
+                for k in range(3):
+                    shift[k] -= part[k]
+            lack = sqrt(shift[0] ** 2 + shift[2] ** 2)
+            if lack > 1e-6:
+                most = max(most, lack)
+                share = gains.pelvis_trunk
+                if not trunk_free or last_word:
+                    share = 1.0
+                elif not pelvis_free:
+                    share = 0.0
+                if share > 0.0 and (pelvis_free or last_word):
+                    pelvis_correction(shift, share, max(mass_share, 0.1), part)
+                    for k in range(3):
+                        pelvis_votes[1, k] = st.points[0, k] + part[k]
+                    pelvis_weights[1] = gains.w_balance
+                if share < 1.0:
+                    trunk_correction(
+                        shift, 1.0 - share, max(mass_share, 0.1), chest, positions_ws[back], st.turns[0],
+                        trunk_votes[1],
+                    )  # fmt: skip
+                    trunk_weights[1] = gains.w_balance
+        blend_point(pelvis_votes, pelvis_weights, start, st.points[0])
+        if trunk_weights[0] + trunk_weights[1] > 0.0:
+            for k in range(4):
+                turn[k] = st.turns[0, k]
+            blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
+            keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
+        keep_pelvis_over_feet(
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
+            not stepping and not over,
+        )  # fmt: skip
+        moved = 0.0
+        for k in range(3):
+            moved += (st.points[0, k] - start[k]) ** 2
+        if most < ENOUGH and moved < 1e-8:
+            break
+    return size
+
+
+@kernel
+def hold_back(
+    rig: Rig, gains: Gains, st: State, under: Under, flags: Array, aims_before: Array, pelvis: Array, trunk: Array,
+    positions_ws: Array, dt: float,
+) -> bool:  # fmt: skip
+    """Let trunk and pelvis go to what tracking and balance agreed on only about as fast as the held ends move.
+
+    The agreement may jump from one way of reaching to another; the body takes its time. True if it was held back.
+    """
+    moved = 0.0
+    for limb in range(4):
+        if flags[1 + limb] > 0.5:
+            way = 0.0
+            for k in range(3):
+                way += (st.aims[1 + limb, k] - aims_before[1 + limb, k]) ** 2
+            moved += sqrt(way)
+    for side in range(2):
+        if st.support[side] > 0.0 and st.planted[side] < 0.5:
+            moved += SHIFT_WEIGHT * dt
+    way = 0.0
+    for k in range(3):
+        way += (st.points[0, k] - pelvis[k]) ** 2
+    q = np.empty(4)
+    mul_inv(st.turns[0], trunk, q)
+    most = min(1.0, (BODY_WAY * moved + BODY_SPEED * dt) / max(sqrt(way), 1e-9))
+    most = min(most, (BODY_TURN * moved + BODY_SPIN * dt) / max(angle(q), 1e-9))
+    if most >= 1.0:
+        return False
+    hips = np.empty((2, 3))
+    for k in range(3):
+        st.points[0, k] = pelvis[k] + most * (st.points[0, k] - pelvis[k])
+        for side in range(2):
+            hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
+    slerp(trunk, st.turns[0], most, st.turns[0])
+    keep_pelvis_over_feet(
+        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, False, True
+    )  # fmt: skip
+    return True
