@@ -16,6 +16,7 @@ from bunraku.msgs.control import (
     Turn,
     WalkGesture,
 )
+from bunraku.msgs.course import Course
 from bunraku.msgs.figure import Contacts, Motion, Pose, SkeletonMessage
 from bunraku.msgs.input import Contact, Device, Event, Hand, Hands, Pad, Pen, PenSample, Touch
 from bunraku.msgs.overlay import Overlay, Primitive
@@ -31,6 +32,7 @@ __all__ = [
     "CommandBase",
     "Contact",
     "Contacts",
+    "Course",
     "Device",
     "Event",
     "Hand",

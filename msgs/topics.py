@@ -6,6 +6,7 @@ from typing import Any
 
 from bunraku.msgs.base import Message
 from bunraku.msgs.control import Camera, Command, Target
+from bunraku.msgs.course import Course
 from bunraku.msgs.figure import Motion, Pose, SkeletonMessage
 from bunraku.msgs.input import Device, Event, Hands, Pad, Pen, Touch
 from bunraku.msgs.overlay import Overlay
@@ -41,6 +42,7 @@ TOPICS: dict[str, TopicKind] = {
     "pose": TopicKind(Pose, newest=True, rate=60.0),
     "skeleton": TopicKind(SkeletonMessage, latched=True),
     "overlay/*": TopicKind(Overlay, newest=True),
+    "course": TopicKind(Course),
     "device/*": TopicKind(Device, latched=True),
     "params/*": TopicKind(Params, latched=True),
     "log/*": TopicKind(Log),

@@ -4,6 +4,7 @@ NODES: dict[str, str] = {
     "blender": "bunraku.nodes.blender.node:Blender",
     "bridge": "bunraku.nodes.bridge.node:Bridge",
     "controller": "bunraku.nodes.controller.node:Controller",
+    "course": "bunraku.nodes.course.node:CourseGame",
     "input_hand": "bunraku.nodes.input_hand.node:InputHand",
     "input_pad": "bunraku.nodes.input_pad.node:InputPad",
     "input_pen": "bunraku.nodes.input_pen.node:InputPen",
