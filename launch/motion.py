@@ -41,6 +41,6 @@ def launch(
         specs.append(node("web", params={"lan": lan}, respawn=True))
     if film or window != "off":
         specs.append(node("renderer", params={"output": film, "window": window, "fps": 60}, stop=60.0))
-    if record:
+    if record or page:  # the page asks it for takes
         specs.insert(0, node("recorder", params={"output": record}, respawn=True, stop=20.0))
     return specs

@@ -9,35 +9,52 @@ MOTION_AS_POSE = {"motion": "pose"}
 
 
 def launch(
-    source: Literal["web", "script", "evdev"] = "web",
+    source: Literal["web", "hid", "evdev", "script"] = "web",
     device: Literal["pen", "pad"] = "pen",
     script: str = "",
+    path: str = "",
     controller: bool = False,
     early: bool = False,
+    natural: bool = False,
     scale: float = 16.0,
+    obstacles: str = "",
     ground: str = "",
+    page: bool = False,
     lan: bool = False,
     window: Literal["auto", "on", "off"] = "auto",
     record: str = "",
     film: str = "",
     sheet: str = "",
 ) -> list[NodeSpec]:
-    """Play the figure with a pen, or a gamepad beside it: on the page, or by a written performance.
+    """Play the figure with a pen, or a gamepad beside it: on the page, a tablet, or by a written performance.
 
-    source:=web prints the page's link; device:=pad takes a gamepad in the pen's place (source:=evdev: on Linux);
-    script:= is a performance (.pen, .pad); scale:= is how many metres of the ground a
-    metre of a tablet is; early:=true begins to walk before a stroke is a step long; controller:=true lays touches,
-    balance and collision avoidance over the walk; ground:= is a file of uneven ground; record:=, film:= and sheet:=
-    name the bag, the mp4 and the sheet of pictures to write.
+    source:=web prints the page's link; hid and evdev (Linux) read a tablet, path:= says which (/dev/hidraw3,
+    /dev/input/event5; else the first that is found); device:=pad takes a gamepad in the pen's place (web, evdev,
+    script); script:= is a performance (.pen, .pad); scale:= is how many metres of the ground a
+    metre of a tablet is; early:=true begins to walk before a stroke is a step long; natural:=true walks as people do
+    instead of exactly as the hand drew; obstacles:= is a file of what is walked round (.toml); controller:=true lays
+    touches, balance and collision avoidance over the walk; ground:= is a file of uneven ground; page:=true serves the
+    page beside another source; record:=, film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
     """
-    if source == "evdev" and device == "pen":
-        raise LaunchError("pen: source: evdev reads gamepads (device:=pad); play pens by the page or a script")
-    pen: dict[str, object] = {"drivers": [source]}
+    if source == "hid" and device == "pad":
+        raise LaunchError("pen: source: hid reads pens; play a gamepad by web, evdev or script")
+    web = page or source == "web"
+    pen: dict[str, object] = {"drivers": [source, "web"] if web and source != "web" else [source]}
     if script:
         pen["script"] = script
+    if path:
+        pen[source if source in ("hid", "evdev") else "evdev"] = path
     blender: dict[str, object] = {"skeleton": not controller, "ground": ground}
     # From above, so that the ground is wide; pen up is away from the viewer.
-    view = {"azimuth": 0.0, "elevation": 0.42, "distance": 6.5, "pen_early": early, "pen_scale": scale}
+    view = {
+        "azimuth": 0.0,
+        "elevation": 0.42,
+        "distance": 6.5,
+        "pen_early": early,
+        "pen_natural": natural,
+        "pen_scale": scale,
+        "obstacles": obstacles,
+    }
     specs = [
         node(f"input_{device}", params=pen, respawn=source != "script", required=source == "script"),
         node("interpreter", params=view, respawn=True),
@@ -45,13 +62,14 @@ def launch(
     ]
     if controller:
         specs.append(node("controller", respawn=True))
-    if source == "web":
+    if web:
         if controller:
             specs.insert(1, node("input_touch", params={"drivers": ["web"]}, respawn=True))
         specs.append(node("web", params={"lan": lan}, respawn=True))
     if film or sheet or window != "off":
         shots = {"output": film, "sheet": sheet, "window": window, "fps": 60}
         specs.append(node("renderer", params=shots, stop=60.0))
-    if record:
-        specs.insert(0, node("recorder", params={"output": record, "overwrite": True}, respawn=True, stop=20.0))
+    if record or web:  # the page asks it for takes
+        keep = {"output": record, "overwrite": bool(record)}
+        specs.insert(0, node("recorder", params=keep, respawn=True, stop=20.0))
     return specs

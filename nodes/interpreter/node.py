@@ -12,8 +12,9 @@ from bunraku.figure.skeleton import SkeletonError
 from bunraku.figure.wire import from_message
 from bunraku.msgs import Camera, Command, Device, Overlay, Pad, Pen, Pose, SkeletonMessage, Target, Touch
 from bunraku.nodes.interpreter.core import Core, Meaning, Scene
+from bunraku.nodes.interpreter.obstacles import Heard, Obstacle, ObstacleError, Placed, load, shown
 from bunraku.nodes.interpreter.pad import PadCore
-from bunraku.nodes.interpreter.pen import PenCore
+from bunraku.nodes.interpreter.pen import FLOOR, PenCore
 from bunraku.nodes.interpreter.pen_rules import PenRules
 from bunraku.nodes.interpreter.touch import TouchCore
 from bunraku.nodes.interpreter.viewer import Viewer, ViewRules
@@ -71,6 +72,8 @@ class Interpreter(Node):
     )
     pen_scale: float = param(PenRules.scale, low=1.0, high=200.0, doc="figure metres for each metre of a tablet")
     pen_early: bool = param(False, doc="begin to walk as soon as a stroke can be nothing else, not at a step's length")
+    pen_natural: bool = param(False, doc="walk as people do instead of exactly as the hand drew: corners are cut")
+    obstacles: str = param("", doc="file of what figures under a pen go round (.toml); beside topic overlay/obstacles")
     aspect: float = param(16 / 9, low=0.1, high=10.0, doc="width by height of the picture that touches refer to")
     distance: float = param(Orbit.distance, low=0.8, high=20.0, doc="m of the camera from the figure at first")
     azimuth: float = param(Orbit.azimuth, low=-3.1416, high=3.1416, doc="rad about the figure at first")
@@ -86,7 +89,11 @@ class Interpreter(Node):
             "camera": TouchCore(self.viewer, figure=False, forget=self.forget),
         }
         rules = PenRules(scale=self.pen_scale)
-        self.pens = {play: PenCore(rules, surface=play, early=self.pen_early) for play in PEN_PLAYS}
+        self.pens = {
+            play: PenCore(rules, surface=play, early=self.pen_early, natural=self.pen_natural) for play in PEN_PLAYS
+        }
+        self.placed = self._obstacles()
+        self.heard = Heard()
         self.cores.update(self.pens)
         self.cores["pad"] = PadCore()
         self.plays = Plays.parse(self.touch_plays, TOUCH_PLAYS, "touch_plays")
@@ -109,10 +116,12 @@ class Interpreter(Node):
             self.plays = Plays.parse(self.touch_plays, TOUCH_PLAYS, name)
         elif name == "pen_plays":
             self.pen_rules = Plays.parse(self.pen_plays, PEN_PLAYS, name)
-        elif name in ("pen_scale", "pen_early"):
+        elif name == "obstacles":
+            self.placed = self._obstacles()
+        elif name in ("pen_scale", "pen_early", "pen_natural"):
             for pen in self.pens.values():
                 pen.rules = pen.track.rules = replace(pen.rules, scale=self.pen_scale)
-                pen.early = self.pen_early
+                pen.early, pen.natural = self.pen_early, self.pen_natural
         elif name in ("aspect", "distance", "azimuth", "elevation"):
             self.viewer.home = self.viewer.orbit = Orbit(
                 center=self.viewer.orbit.center, azimuth=self.azimuth, elevation=self.elevation,
@@ -181,6 +190,11 @@ class Interpreter(Node):
         self.cores["pad"].hear(msg, self.scene)
         self._say()
 
+    @subscribe("overlay/obstacles", Overlay, trigger=False)
+    def on_obstacles(self, msg: Overlay) -> None:
+        """What another node says is in the way: circles in the world."""
+        self.heard.take(msg.primitives, self.now / SECOND)
+
     @subscribe("device/*", Device)
     def on_device(self, msg: Device, topic: str) -> None:
         """A device that went lets go of what it held."""
@@ -195,7 +209,7 @@ class Interpreter(Node):
     def idle(self) -> None:
         """Time alone goes on: a still finger on a moving figure, an offset that goes back, the camera's way."""
         self._see()
-        if self.held or self.drawn or any(core.busy for core in self.cores.values()):
+        if self.held or self.drawn or self.placed or any(core.busy for core in self.cores.values()):
             self._say()
         elif self.now - self.said_at >= REMIND:
             self.said_at = self.now
@@ -223,9 +237,18 @@ class Interpreter(Node):
 
     # Inside
 
+    def _obstacles(self) -> tuple[Placed, ...]:
+        try:
+            return load(self.obstacles) if self.obstacles else ()
+        except ObstacleError as error:
+            raise ParamProblem(str(error)) from None
+
     def _see(self) -> None:
-        """Bring the scene to this step: time, camera, the newest pose that fits the skeleton."""
+        """Bring the scene to this step: time, obstacles, camera, the newest pose that fits the skeleton."""
         self.scene.now = self.now / SECOND
+        standing: list[Obstacle] = [one.now(self.scene.now) for one in self.placed]
+        for pen in self.pens.values():
+            pen.obstacles = [*standing, *self.heard.obstacles]
         self.scene.camera = self.viewer.camera()
         pose = self.newest
         if pose is None or len(pose.rotations) != len(self.scene.skeleton):
@@ -251,6 +274,7 @@ class Interpreter(Node):
                 self.ids = max(self.ids + 1, self.now // 1000)
                 command.id = self.ids
             self.command.publish(command)
+        whole.overlay += shown([one.now(self.scene.now) for one in self.placed], FLOOR)
         if whole.overlay or self.drawn:
             self.drawn = bool(whole.overlay)
             self.overlay.publish(Overlay(primitives=whole.overlay))

@@ -4,14 +4,16 @@ After Oshita 2005, Pen-to-mime: the queue of points (5.1), the start of a motion
 and the displays of section 3.
 """
 
-from dataclasses import dataclass, field
-from math import atan2, ceil, exp
+from collections.abc import Sequence
+from dataclasses import replace
+from math import atan2, exp
 from typing import Any
 
 import numpy as np
 
-from bunraku.msgs import Camera, CommandBase, Jump, Locomotion, PathPoint, Pen, Primitive, Stand, Step
+from bunraku.msgs import Camera, CommandBase, Jump, Locomotion, Pen, Primitive, Stand, Step
 from bunraku.nodes.interpreter.core import Meaning, Scene
+from bunraku.nodes.interpreter.obstacles import Obstacle
 from bunraku.nodes.interpreter.pen_ground import (
     Point,
     distance,
@@ -21,96 +23,27 @@ from bunraku.nodes.interpreter.pen_ground import (
     on_picture,
     on_tablet,
 )
+from bunraku.nodes.interpreter.pen_path import Walk, lay
 from bunraku.nodes.interpreter.pen_rules import PenRules
-from bunraku.nodes.interpreter.pen_stroke import Event, PenTrack, Sample, StrokePoint, jump_range
+from bunraku.nodes.interpreter.pen_stroke import Event, PenTrack, Sample, jump_range
 
 PATH_COLOR = (0.95, 0.72, 0.20, 1.0)
 RANGE_COLOR = (0.25, 0.55, 0.90, 0.8)
-MOST_POINTS = 4000
 FLOOR = 0.006
 """m above the ground at which paths are drawn."""
-
-
-@dataclass
-class Walk:
-    """A path being walked: whole, from the first stroke that began it."""
-
-    id: int
-    points: list[StrokePoint] = field(default_factory=list)
-    complete: bool = False
-    taken: int = 0
-    """How many points of the present stroke it has."""
-    base: float = 0.0
-    """m of arc length before the present stroke."""
-    place: float = 0.0
-    """m of arc length where the figure is."""
-
-    @property
-    def length(self) -> float:
-        """m of path."""
-        return self.points[-1].arc if self.points else 0.0
-
-    @property
-    def left(self) -> float:
-        """m of path before the figure."""
-        return self.length - self.place
-
-
-def locate(points: list[StrokePoint], place: Point, before: float, window: float = 1.5) -> float:
-    """The arc length (m) of the path's point nearest to ``place``, at most ``window`` m beyond ``before``."""
-    best, nearest = before, float("inf")
-    for one in points:
-        if before - 0.2 <= one.arc <= before + window:
-            away = distance(one.place, place)
-            if away < nearest:
-                best, nearest = one.arc, away
-    return max(best, before)
-
-
-def resample(points: list[StrokePoint], begin: float, rules: PenRules, average: float = 0.15) -> list[PathPoint]:
-    """The path from arc length ``begin`` (m) on, evenly spaced, with speed and posture averaged around each point.
-
-    Posture at a place is the average of the samples that were recorded near it (section 5.3).
-    """
-    if not points:
-        return []
-    arcs = np.array([one.arc for one in points])
-    table = np.array([[*one.place, one.speed, *one.lean, duck_of(one.pressure, rules)] for one in points])
-    end = float(arcs[-1])
-    count = min(max(ceil((end - begin) / rules.spacing) + 1, 2), MOST_POINTS)
-    at = np.linspace(min(begin, end), end, count)
-    columns = [np.interp(at, arcs, table[:, k]) for k in range(2)]
-    order = np.searchsorted(arcs, [at - average, at + average])
-    sums = np.vstack([np.zeros(4), np.cumsum(table[:, 2:], axis=0)])
-    low, high = order[0], np.maximum(order[1], order[0] + 1)
-    high = np.minimum(high, len(points))
-    low = np.minimum(low, high - 1)
-    mean = (sums[high] - sums[low]) / (high - low)[:, None]
-    step = np.gradient(np.stack(columns, axis=1), axis=0) if count > 1 else np.zeros((1, 2))
-    path = []
-    for k in range(count):
-        tilt, bend = in_heading((float(mean[k, 1]), float(mean[k, 2])), atan2(step[k, 0], step[k, 1]))
-        speed = float(np.clip(mean[k, 0], rules.slowest, rules.fastest))
-        path.append(
-            PathPoint(
-                x=float(columns[0][k]),
-                z=float(columns[1][k]),
-                speed=speed,
-                tilt=tilt,
-                bend=bend,
-                duck=float(mean[k, 3]),
-            )
-        )
-    return path
 
 
 class PenCore:
     """One figure under one pen; a second pen is heard when the first is away."""
 
-    def __init__(self, rules: PenRules | None = None, *, surface: str = "tablet", early: bool = False) -> None:
+    def __init__(
+        self, rules: PenRules | None = None, *, surface: str = "tablet", early: bool = False, natural: bool = False
+    ) -> None:
         self.rules = rules or PenRules()
         self.surface = surface
-        self.early = early
+        self.early, self.natural = early, natural
+        self.obstacles: Sequence[Obstacle] = ()
+        """What paths go round, now."""
         self.track = PenTrack(self.rules)
         self.walk: Walk | None = None
         self.device = ""
@@ -193,11 +126,13 @@ class PenCore:
             self._time = scene.now
         self._follow(scene)
         commands, self._queue = self._queue, []
-        if self.walk is not None and self._changed:
-            if self.walk.complete or scene.now - self._walking_said >= self.rules.say_every:
+        if self.walk is not None:
+            since = scene.now - self._walking_said
+            again = since >= self.rules.say_again and self._wants_again(self.walk, scene)
+            if again or (self._changed and (self.walk.complete or since >= self.rules.say_every)):
                 self._walking_said = scene.now
                 self._changed = False
-                commands.append(self._locomotion(self.walk))
+                commands.append(self._locomotion(self.walk, scene))
         elif self.walk is None:
             posture = self._posture(scene)
             if posture is not None:
@@ -242,7 +177,7 @@ class PenCore:
         elif event.kind == "landing":
             if self.walk is not None:
                 self.walk.complete = True
-                self._queue.append(self._locomotion(self.walk))
+                self._queue.append(self._locomotion(self.walk, scene))
                 self.walk = None
             away = distance((0.0, 0.0), event.way)
             height = rules.jump_low + (rules.jump_high - rules.jump_low) * min(max(event.pressure, 0.0), 1.0)
@@ -262,29 +197,31 @@ class PenCore:
         for one in fresh:
             arc = walk.base + one.arc
             if not walk.points or arc > walk.length:
-                walk.points.append(StrokePoint(one.place, arc, one.speed, one.lean, one.pressure))
+                walk.points.append(replace(one, arc=arc))
         walk.taken = len(self.track.stroke.points)
         self._changed = self._changed or bool(fresh)
 
-    def _locomotion(self, walk: Walk) -> Locomotion:
-        begin = max(0.0, walk.place - self.rules.behind)
-        return Locomotion(
-            id=walk.id, path=resample(walk.points, begin, self.rules), start=begin, complete=walk.complete
-        )
+    def _locomotion(self, walk: Walk, scene: Scene) -> Locomotion:
+        path, start = lay(walk, scene.now, self.rules, natural=self.natural, obstacles=self.obstacles)
+        return Locomotion(id=walk.id, path=path, start=start, complete=walk.complete)
+
+    def _wants_again(self, walk: Walk, scene: Scene) -> bool:
+        """Whether a path that did not grow is to be said anew: the figure lags, or something is in its way."""
+        return bool(walk.points) and (bool(self.obstacles) or walk.lag(scene.now, self.rules) > 0.0)
 
     def _follow(self, scene: Scene) -> None:
         """Where the figure is on its path; a path that was walked to its end is done with."""
         walk = self.walk
         if walk is None:
             return
-        walk.place = locate(walk.points, self._figure(scene), walk.place)
+        walk.locate(self._figure(scene))
         if walk.complete and walk.left <= 0.12:
             if self._changed:  # the last word of a path that the figure has caught up with
-                self._queue.append(self._locomotion(walk))
+                self._queue.append(self._locomotion(walk, scene))
             self.walk = None
             self._said = None
-        elif walk.place - self.rules.behind > 4.0 * self.rules.behind:
-            keep = walk.place - self.rules.behind
+        elif walk.place - walk.points[0].arc > 8.0 * self.rules.behind:
+            keep = walk.place - 4.0 * self.rules.behind  # more than is said: the natural path looks back
             first = next(k for k, one in enumerate(walk.points) if one.arc >= keep)
             if first > 400:
                 del walk.points[:first]

@@ -59,6 +59,24 @@ class PenRules:
     """m/s: the running limit."""
     speed_lag: float = 0.12
     """s over which the pen's speed is averaged along its path."""
+    usual_lag: float = 1.1
+    """s that a figure is behind a pen that draws on: the stroke's first part, and getting going."""
+    hurry: float = 0.6
+    """1/s: how much faster than the pen was a figure walks for each second that it lags more than that."""
+    most_hurry: float = 2.5
+    """Times the pen's speed at most: a slow path stays a slow one."""
+    say_again: float = 0.2
+    """s between two messages of a path that does not grow, while the figure lags or something is in its way."""
+    natural_width: float = 0.50
+    """m over which a path is smoothed where it is walked as people do (an option)."""
+    natural_most: float = 0.40
+    """m that a natural path leaves the drawn one at most."""
+    sideways: float = 2.0
+    """m/s² that people accelerate sideways at most, on a natural path."""
+    settled: float = 0.35
+    """m of path before the figure that are not changed any more."""
+    join: float = 0.80
+    """m over which a changed path passes over from what is settled."""
     say_every: float = 0.012
     """s between two messages of a path that grows: a pen may send more often than figures step."""
     spacing: float = 0.05

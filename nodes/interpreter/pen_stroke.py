@@ -30,6 +30,7 @@ class StrokePoint:
     speed: float  # m/s of the pen
     lean: Point
     pressure: float
+    time: float = 0.0  # s, when it was drawn
 
 
 @dataclass(frozen=True)
@@ -219,7 +220,7 @@ class PenTrack:
     def _add(self, sample: Sample, step: float) -> None:
         arc = self.stroke.length + step
         here = self._shift(sample.place)
-        point = StrokePoint(here, arc, self._speed, sample.lean, sample.pressure)
+        point = StrokePoint(here, arc, self._speed, sample.lean, sample.pressure, sample.time)
         self.stroke.points.append(point)
         self._added_at = sample.time
 

@@ -13,8 +13,9 @@ from bunraku.figure.camera import look_at
 from bunraku.figure.default import default_figure
 from bunraku.msgs import CommandBase, Jump, Locomotion, Pen, Stand, Step
 from bunraku.nodes.interpreter.core import Scene
-from bunraku.nodes.interpreter.pen import PenCore, resample
+from bunraku.nodes.interpreter.pen import PenCore
 from bunraku.nodes.interpreter.pen_ground import in_heading, on_picture
+from bunraku.nodes.interpreter.pen_path import Walk, hurried, lay, minimum_jerk
 from bunraku.nodes.interpreter.pen_rules import PenRules
 from bunraku.nodes.interpreter.pen_stroke import StrokePoint
 
@@ -54,7 +55,13 @@ class Tablet:
         self.take()
 
     def take(self) -> None:
-        self.commands += self.core.update(self.scene).commands
+        said = self.core.update(self.scene).commands
+        self.commands += said
+        paths = [one.path for one in said if isinstance(one, Locomotion) and one.path]
+        if paths and self.walks:  # the figure keeps a little behind the pen
+            path, hips = paths[-1], self.scene.joint("hips")
+            spot = path[max(0, len(path) - 1 - round(0.6 / RULES.spacing))]
+            self.scene.positions[hips, 0], self.scene.positions[hips, 2] = spot.x, spot.z
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 60)):
@@ -342,6 +349,7 @@ def test_on_the_picture_the_ray_meets_the_ground() -> None:
 def test_the_path_keeps_its_beginning_out_when_it_grows_long() -> None:
     tablet = Tablet()
     tablet.place = (0.0, -1.1)
+    tablet.walks = False
     hips = tablet.scene.joint("hips")
     for _ in range(8):
         for _ in range(20):
@@ -354,6 +362,34 @@ def test_the_path_keeps_its_beginning_out_when_it_grows_long() -> None:
     assert walk.start > 5.0
     assert len(walk.path) < 100
     assert walk.path[0].z == pytest.approx(walk.start, abs=0.3)
+
+
+def test_a_figure_that_lags_hurries_and_the_lag_goes_down_along_the_path() -> None:
+    tablet = Tablet()
+    tablet.walks = False  # something holds the figure at the path's beginning
+    tablet.line((0.0, 1.0), 1.0)
+    tablet.line((0.0, 1.0), 1.0)
+    tablet.lift()
+    tablet.wait(2.0)
+    walks = [one for one in tablet.commands if isinstance(one, Locomotion)]
+    assert walks[-1].complete
+    assert len([one for one in walks if one.complete]) > 4, "said again while it lags"
+    speeds = [one.speed for one in walks[-1].path]
+    assert all(one.speed == pytest.approx(1.0, abs=0.15) for one in walks[0].path)
+    assert speeds[3] == pytest.approx(RULES.most_hurry, rel=0.15)
+    assert speeds[3] > speeds[-2] > 1.0
+    assert [one.z for one in walks[-1].path] == pytest.approx([one.z for one in walks[-2].path])
+
+
+@given(st.lists(st.floats(RULES.slowest, RULES.fastest), min_size=2, max_size=120), st.floats(0.0, 8.0))
+@settings(max_examples=60)
+def test_hurrying_stays_within_the_running_limit_and_never_overtakes(speeds: list[float], lag: float) -> None:
+    pen, gaps = np.array(speeds), np.full(len(speeds), 0.05)
+    fast = hurried(pen, gaps, lag, RULES)
+    assert (fast >= pen - 1e-12).all()
+    assert (fast <= RULES.fastest + 1e-12).all()
+    saved = (gaps / pen - gaps / fast).sum()
+    assert saved <= lag + 1e-6
 
 
 def test_state_survives_a_crash() -> None:
@@ -382,7 +418,7 @@ def test_resampled_paths_stay_on_the_stroke(steps: list[tuple[float, float]], be
         points.append(StrokePoint((x, z), arc, 1.0, (0.0, 0.0), 0.2))
         turn += bend
         x, z, arc = x + step * sin(turn), z + step * cos(turn), arc + step
-    path = resample(points, begin, RULES)
+    path, _ = lay(Walk(1, points, place=begin + RULES.behind), 0.0, RULES)
     spots = np.array([(one.x, one.z) for one in path])
     corners = np.array([one.place for one in points])
     assert np.isfinite(spots).all()
