@@ -2,12 +2,14 @@
 
 A foot is *free* and follows the blended motion, or *locked* on a footprint: there it rolls over heel and ball
 with the blended pitch while the point on the ground does not move. Where a locked foot stands wrong for a figure that
-stands still, it makes a small *settling* step. What changes of state differ by decays (inertialised), so
-nothing jumps. The pelvis sinks as far as a planted leg needs to reach its print.
+stands still, it makes a small *settling* step. Nothing jumps: what a leg that is let go differs by from the blended
+one dies away as the direction from hip to ankle, the knee's bend and the foot's turn, because a nearly
+straight knee would make a jerk of what is smooth as a place of the ankle. The pelvis sinks, softly, as far as a planted
+leg needs to reach its print.
 """
 
 from dataclasses import dataclass
-from math import asin, atan2, cos, exp, pi, sin, sqrt
+from math import exp, log1p, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -15,18 +17,23 @@ from numpy.typing import NDArray
 
 from bunraku.figure.fk import fk_into
 from bunraku.figure.jit import kernel
-from bunraku.figure.limb import soft_reach
+from bunraku.figure.limb import flexed_distance, flexion_of, soft_reach
+from bunraku.figure.quat import between, from_axis_angle, log, mul, mul_inv, rotate, slerp
 from bunraku.figure.quat import exp as quat_exp
-from bunraku.figure.quat import from_axis_angle, log, mul, mul_inv, rotate, slerp
 from bunraku.figure.skeleton import Index, Skeleton
 from bunraku.figure.spring import LN2, spring_decay_into
-from bunraku.motion.ground import roll, sole_of
+from bunraku.motion.footprint import Feet, planted, print_under, roll_of, sole_depth, wrap, yaw_pitch
+from bunraku.motion.ground import sole_of
 from bunraku.motion.leg import move_leg
 
 Array = NDArray[np.float64]
 
 FREE_REACH, SOFT_FROM = 0.9985, 0.975
-"""Shares of a leg: how straight a free one may be, and from where on it gets there softly."""
+"""Shares of a leg: how straight any leg may be, and from where on a free one gets there softly."""
+STRAIGHT = 0.07
+"""rad: what a knee's bend is told from; less than any leg's within `FREE_REACH`."""
+EASE = 0.15
+"""s after a foot came down in which its leg comes under the reach of a locked one."""
 
 FREE, LOCKED, SETTLING, BARRED = 0, 1, 2, 3
 """Modes of a foot; a barred one was torn from its print and stays free until its contact ends."""
@@ -36,7 +43,7 @@ FREE, LOCKED, SETTLING, BARRED = 0, 1, 2, 3
 class LockLimits:
     """Constants of the foot lock; lengths for a leg of 0.83 m."""
 
-    release: float = 0.10  # s, half-life of what a released foot is behind
+    release: float = 0.10  # s, half-life of what a released leg is behind
     touch: float = 0.05  # s, half-life of what a locked foot is above its print
     tear: float = 0.28  # m: a print farther than this from the blended foot is left
     settle: float = 0.045  # m: a standing foot farther than this from its place steps there
@@ -46,35 +53,30 @@ class LockLimits:
     reach: float = 0.995  # of the leg, locked
     rise: float = 0.15  # s, half-life of the pelvis's way back up
     ground: float = 0.05  # s, half-life of a swinging foot's following of the ground's height
+    sink: float = 0.012  # m: the pelvis begins to sink when a planted leg is this near to its reach
+    graze: float = 0.004  # m: feet deeper in the ground than this are lifted to half of it
 
 
 LIMITS = LockLimits()
-
-
-class Feet(NamedTuple):
-    """A skeleton's legs and soles for the kernel; rows are left, right."""
-
-    joints: Index  # (2, 4) thigh, shin, foot, toes (-1 for none)
-    lengths: Array  # (2, 2) m
-    soles: Array  # (2, 3) m: ankle height, heel, ball
-    limits: Array  # (10,) LockLimits, lengths scaled
 
 
 class FeetState(NamedTuple):
     """What the feet remember; arrays are changed in place. Rows are left, right."""
 
     mode: Index  # (2,)
-    clock: Array  # (2, 2) s into a settling step; its duration
+    clock: Array  # (2, 2) s since the foot was locked or began to settle; duration of the settling step
     prints: Array  # (2, 5) x, y, z m of the flat ankle on the ground; yaw; slope (rad, toes up)
-    offset: Array  # (2, 6) m and rad, between where the foot is and where its mode wants it
-    velocity: Array  # (2, 6) of that
-    blended: Array  # (2, 3) m, the blended ankle of the frame before
-    turned: Array  # (2, 4) its orientation
-    goal: Array  # (2, 7) where the foot was wanted in the frame before, without its offset
+    offset: Array  # (2, 3) m above, rad pitched and leaned: a locked foot against what rolls over its print
+    velocity: Array  # (2, 3) of that
+    swing: Array  # (2, 7) rad, leg against the blended one: direction from hip to ankle, bend of the knee, foot
+    swing_speed: Array  # (2, 7) of that
+    ankle: Array  # (2, 7) m, the ankle and the foot's orientation as they came out
+    pitch: Array  # (2,) rad, of the blended foot
     start: Array  # (2, 7) where a settling step began
+    straight: Array  # (2,) share of its reach that a leg had when its foot came down
     grip: Array  # (2,) 0..1, how much the toes are flat on the ground
     ground: Array  # (2, 2) m, ground height under the free feet and its speed
-    drop: Array  # (2,) m, how far the pelvis is lowered; whether the state holds a frame yet
+    drop: Array  # (3,) m, how far the pelvis is lowered; m/s; whether the state holds a frame yet
 
 
 def feet_of(skeleton: Skeleton, limits: LockLimits = LIMITS) -> Feet:
@@ -89,7 +91,8 @@ def feet_of(skeleton: Skeleton, limits: LockLimits = LIMITS) -> Feet:
         soles[side] = sole.height, sole.heel, sole.ball
     size = float(lengths.sum(axis=1).mean()) / 0.83
     row = [limits.release, limits.touch, limits.tear * size, limits.settle * size, limits.settle_turn,
-           limits.settle_time, limits.settle_lift * size, limits.reach, limits.rise, limits.ground]  # fmt: skip
+           limits.settle_time, limits.settle_lift * size, limits.reach, limits.rise, limits.ground,
+           limits.sink * size, limits.graze * size]  # fmt: skip
     return Feet(joints, lengths, soles, np.array(row))
 
 
@@ -97,63 +100,36 @@ def feet_state() -> FeetState:
     """Nothing remembered."""
     still = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
     return FeetState(
-        mode=np.zeros(2, dtype=np.int64), clock=np.zeros((2, 2)), prints=np.zeros((2, 5)), offset=np.zeros((2, 6)),
-        velocity=np.zeros((2, 6)), blended=np.zeros((2, 3)), turned=still[:, 3:].copy(), goal=still.copy(),
-        start=still.copy(), grip=np.zeros(2), ground=np.zeros((2, 2)), drop=np.zeros(2),
+        mode=np.zeros(2, dtype=np.int64), clock=np.zeros((2, 2)), prints=np.zeros((2, 5)), offset=np.zeros((2, 3)),
+        velocity=np.zeros((2, 3)), swing=np.zeros((2, 7)), swing_speed=np.zeros((2, 7)), ankle=still.copy(),
+        pitch=np.zeros(2), start=still.copy(), straight=np.zeros(2), grip=np.zeros(2), ground=np.zeros((2, 2)),
+        drop=np.zeros(3),
     )  # fmt: skip
 
 
 @kernel
-def yaw_pitch(q: Array, out: Array) -> None:
-    """Heading and pitch (rad, toes up) of a foot's forward axis."""
-    v = np.empty(3)
-    v[0], v[1], v[2] = 0.0, 0.0, 1.0
-    rotate(q, v, v)
-    out[0] = atan2(v[0], v[2])
-    out[1] = asin(min(1.0, max(-1.0, v[1])))
+def soft_part(x: float, width: float) -> float:
+    """The positive part of ``x``, rounded off from -width to width: never less than it, with continuous slope."""
+    if x <= -width:
+        return 0.0
+    if x >= width:
+        return x
+    return (x + width) * (x + width) / (4.0 * width)
 
 
 @kernel
-def planted(feet: Feet, side: int, mark: Array, pitch: float, position: Array, turn: Array) -> None:
-    """Ankle position (3) and foot orientation (4) of a foot rolled by ``pitch`` (rad) over its print ``mark`` (5)."""
-    out, a, b = np.empty(2), np.empty(4), np.empty(4)
-    roll(feet.soles[side, 0], feet.soles[side, 1], feet.soles[side, 2], pitch, out)
-    slope = mark[4]
-    up = out[0] * cos(slope) + out[1] * sin(slope)
-    ahead = out[1] * cos(slope) - out[0] * sin(slope)
-    position[0] = mark[0] + ahead * sin(mark[3])
-    position[1] = mark[1] + up
-    position[2] = mark[2] + ahead * cos(mark[3])
-    from_axis_angle(0.0, 1.0, 0.0, mark[3], a)
-    from_axis_angle(1.0, 0.0, 0.0, -(pitch + slope), b)
-    mul(a, b, turn)
+def ramp(t: float) -> float:
+    """0 to 1 with rest at both ends."""
+    t = min(max(t, 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
 
 
 @kernel
-def pivot_shift(feet: Feet, side: int, pitch: float, turn: Array, offset: Array, out: Array) -> None:
-    """How far (3, m) the ankle goes along when a planted foot turns by ``offset[3:6]`` about what it stands on."""
-    q = np.empty(4)
-    a, b = np.empty(3), np.empty(3)
-    a[0], a[1] = 0.0, -feet.soles[side, 0]
-    a[2] = feet.soles[side, 1] if pitch >= 0.0 else feet.soles[side, 2]
-    rotate(turn, a, a)
-    quat_exp(offset[3:6], q)
-    rotate(q, a, b)
-    for k in range(3):
-        out[k] = a[k] - b[k]
-
-
-@kernel
-def wrap(angle: float) -> float:
-    return angle - 2.0 * pi * np.floor((angle + pi) / (2.0 * pi))  # type: ignore[no-any-return]
-
-
-@kernel
-def foot_target(
+def stand_or_leave(
     feet: Feet, state: FeetState, side: int, contact: float, still: bool, position: Array, turn: Array, dt: float,
     goal: Array, goal_turn: Array,
 ) -> None:  # fmt: skip
-    """One foot's step of the state machine: where the ankle is to be (3) and how the foot is turned (4).
+    """One step of a locked or settling foot, which may let go: where the ankle is to be (3), the foot's turn (4).
 
     Args:
         contact: > 0 where the blended motion has the foot on the ground.
@@ -161,20 +137,10 @@ def foot_target(
         position, turn: the blended ankle, raised by the ground's height, and foot.
     """
     limits = feet.limits
-    angles, v, spin, rolling, shift = np.empty(2), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    q = np.empty(4)
+    angles = np.empty(2)
     yaw_pitch(turn, angles)
-    mul_inv(turn, state.turned[side], q)
-    log(q, spin)
-    for k in range(3):
-        v[k] = (position[k] - state.blended[side, k]) / max(dt, 1e-9)
-        spin[k] = spin[k] / max(dt, 1e-9)
-    mode = state.mode[side]
-    # Where the foot is wanted before any change of mode, with what it is off by.
-    if mode == LOCKED:
-        planted(feet, side, state.prints[side], angles[1], goal, goal_turn)
-    elif mode == SETTLING:
-        state.clock[side, 0] += dt
+    state.clock[side, 0] += dt
+    if state.mode[side] == SETTLING:
         t = min(1.0, state.clock[side, 0] / state.clock[side, 1])
         s = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
         for k in range(3):
@@ -183,107 +149,160 @@ def foot_target(
         slerp(state.start[side, 3:7], turn, s, goal_turn)
         if t >= 1.0:
             state.mode[side] = FREE
-    else:
+        return
+    mark = state.prints[side]
+    planted(feet, side, mark, angles[1], 0.0, goal, goal_turn)
+    away = sqrt((goal[0] - position[0]) ** 2 + (goal[2] - position[2]) ** 2)
+    twist = abs(wrap(mark[3] - angles[0]))
+    if still and contact > 0.0 and state.mode[1 - side] == LOCKED and (away > limits[3] or twist > limits[4]):
+        state.mode[side] = SETTLING
+        state.clock[side, 0] = 0.0
+        state.clock[side, 1] = limits[5] + 0.4 * away
+        for k in range(7):
+            state.start[side, k] = state.ankle[side, k]
         for k in range(3):
-            goal[k] = position[k]
+            goal[k] = state.ankle[side, k]
         for k in range(4):
-            goal_turn[k] = turn[k]
-    mode = state.mode[side]
-    if mode == LOCKED:
-        away = sqrt((goal[0] - position[0]) ** 2 + (goal[2] - position[2]) ** 2)
-        twist = abs(wrap(state.prints[side, 3] - angles[0]))
-        leave = FREE if contact <= 0.0 else -1
-        if away > limits[2] or twist > 1.25:
-            leave = BARRED if contact > 0.0 and not still else leave
-        other = state.mode[1 - side]
-        if still and leave < 0 and other == LOCKED and (away > limits[3] or twist > limits[4]):
-            # The one that stands worse goes first.
-            state.mode[side] = SETTLING
-            state.clock[side, 0] = 0.0
-            state.clock[side, 1] = limits[5] + 0.4 * away
-            pivot_shift(feet, side, angles[1], goal_turn, state.offset[side], shift)
-            for k in range(3):
-                state.start[side, k] = goal[k] + shift[k]
-            for k in range(4):
-                state.start[side, 3 + k] = goal_turn[k]
-        elif leave >= 0:
-            state.mode[side] = leave
-            pivot_shift(feet, side, angles[1], goal_turn, state.offset[side], shift)
-            for k in range(3):
-                state.offset[side, k] += goal[k] + shift[k] - position[k]
-                state.velocity[side, k] += (goal[k] - state.goal[side, k]) / max(dt, 1e-9) - v[k]
-            mul_inv(goal_turn, state.goal[side, 3:7], q)
-            log(q, rolling)
-            for k in range(3):
-                state.velocity[side, 3 + k] += rolling[k] / max(dt, 1e-9) - spin[k]
-            mul_inv(goal_turn, turn, q)
-            quat_exp(state.offset[side, 3:6], goal_turn)
-            mul(goal_turn, q, q)
-            log(q, state.offset[side, 3:6])
-            for k in range(3):
-                goal[k] = position[k]
-            for k in range(4):
-                goal_turn[k] = turn[k]
-    elif mode == BARRED:
-        if contact <= 0.0:
-            state.mode[side] = FREE
-    elif mode == FREE and contact > 0.0:
-        # Lock: the print lies under where the foot really is, so that nothing moves along the ground.
-        real, here, sole = np.empty(4), np.empty(3), np.empty(3)
-        quat_exp(state.offset[side, 3:6], q)
-        mul(q, goal_turn, real)
-        for k in range(3):
-            here[k] = goal[k] + state.offset[side, k]
-        # The roll goes on as the blended foot's pitch does.
-        yaw_pitch(state.turned[side], angles)
-        before = angles[1]
-        yaw_pitch(turn, angles)
-        pitch = angles[1]
-        pivot = feet.soles[side, 1] if pitch >= 0.0 else feet.soles[side, 2]
-        sole[0], sole[1], sole[2] = 0.0, -feet.soles[side, 0], pivot
-        rotate(real, sole, sole)
-        yaw_pitch(real, angles)
-        state.prints[side, 3] = angles[0]
-        state.prints[side, 0] = here[0] + sole[0] - pivot * sin(angles[0])
-        state.prints[side, 1] = state.ground[side, 0]
-        state.prints[side, 2] = here[2] + sole[2] - pivot * cos(angles[0])
-        state.prints[side, 4] = 0.0
-        planted(feet, side, state.prints[side], before, goal, goal_turn)
-        rising = state.velocity[side, 1] + v[1] + goal[1] / max(dt, 1e-9)
-        planted(feet, side, state.prints[side], pitch, goal, goal_turn)
-        rising -= goal[1] / max(dt, 1e-9)
-        mul_inv(real, goal_turn, q)
-        log(q, state.offset[side, 3:6])
-        pivot_shift(feet, side, pitch, goal_turn, state.offset[side], shift)
-        for k in range(3):
-            state.offset[side, k] = 0.0
-            state.velocity[side, k] = 0.0
-            state.velocity[side, 3 + k] = 0.0
-        state.offset[side, 1] = here[1] - goal[1] - shift[1]
-        state.velocity[side, 1] = max(min(rising, 0.0), -1.0)
-        state.mode[side] = LOCKED
+            goal_turn[k] = state.ankle[side, 3 + k]
+        return
+    if contact <= 0.0:
+        state.mode[side] = FREE
+        return
+    if (away > limits[2] or twist > 1.25) and not still:
+        state.mode[side] = BARRED
+        return
+    spring_decay_into(state.offset[side], state.velocity[side], limits[1], dt)
+    if state.offset[side, 0] < 0.0:
+        state.offset[side, 0] = 0.0  # never into the ground
+        state.velocity[side, 0] = max(state.velocity[side, 0], 0.0)
+    planted(feet, side, mark, angles[1] + state.offset[side, 1], state.offset[side, 2], goal, goal_turn)
+    goal[1] += state.offset[side, 0]
+
+
+@kernel
+def come_down(feet: Feet, state: FeetState, side: int, hip: Array, turn: Array, ankle: Array, dt: float) -> None:
+    """Lock a foot on a print under where it really is (``ankle``, 7), so that nothing moves along the ground."""
+    goal, goal_turn, real, blended = np.empty(3), np.empty(4), np.empty(2), np.empty(2)
+    mark, offset, velocity = state.prints[side], state.offset[side], state.velocity[side]
+    print_under(feet, side, ankle[0:3], ankle[3:7], state.ground[side, 0], mark)
+    # The roll goes on as the blended foot's does; what the foot is above, pitched or leaned against it dies away.
+    yaw_pitch(state.ankle[side, 3:7], real)
+    before, lean_before = real[1] - state.pitch[side], roll_of(state.ankle[side, 3:7])
+    planted(feet, side, mark, real[1], lean_before, goal, goal_turn)
+    above_before = state.ankle[side, 1] - goal[1]
+    yaw_pitch(ankle[3:7], real)
+    yaw_pitch(turn, blended)
+    offset[1], offset[2] = real[1] - blended[1], roll_of(ankle[3:7])
+    planted(feet, side, mark, real[1], offset[2], goal, goal_turn)
+    offset[0] = ankle[1] - goal[1]
+    velocity[0] = max(min((offset[0] - above_before) / max(dt, 1e-9), 0.0), -1.0)
+    velocity[1] = max(min((offset[1] - before) / max(dt, 1e-9), 8.0), -8.0)
+    velocity[2] = max(min((offset[2] - lean_before) / max(dt, 1e-9), 8.0), -8.0)
+    far = 0.0
     for k in range(3):
-        state.blended[side, k] = position[k]
-    for k in range(4):
-        state.turned[side, k] = turn[k]
+        far += (ankle[k] - hip[k]) ** 2
+    state.straight[side] = min(sqrt(far) / (feet.lengths[side, 0] + feet.lengths[side, 1]), FREE_REACH)
+    state.clock[side, 0] = 0.0
+    state.mode[side] = LOCKED
+
+
+@kernel
+def swing_out(
+    feet: Feet, state: FeetState, parents: Index, root_frame: Array, side: int, positions_ws: Array,
+    rotations_ws: Array, rotations_ls: Array, turn: Array, dt: float,
+) -> None:  # fmt: skip
+    """Lay what a free leg is behind over the blended one (in the world arrays), dying away."""
+    upper, lower = feet.lengths[side, 0], feet.lengths[side, 1]
+    hip, foot = feet.joints[side, 0], feet.joints[side, 2]
+    spring_decay_into(state.swing[side], state.swing_speed[side], feet.limits[0], dt)
+    axis, goal, goal_turn, q = np.empty(3), np.empty(3), np.empty(4), np.empty(4)
+    d = 0.0
     for k in range(3):
-        state.goal[side, k] = goal[k]
-    for k in range(4):
-        state.goal[side, 3 + k] = goal_turn[k]
-    half_life = limits[1] if state.mode[side] == LOCKED else limits[0]
-    spring_decay_into(state.offset[side], state.velocity[side], half_life, dt)
-    if state.mode[side] == LOCKED and state.offset[side, 1] < 0.0:
-        state.offset[side, 1] = 0.0  # never into the ground
-        state.velocity[side, 1] = max(state.velocity[side, 1], 0.0)
-    if state.mode[side] == LOCKED:
-        yaw_pitch(turn, angles)
-        pivot_shift(feet, side, angles[1], goal_turn, state.offset[side], shift)
-    else:
-        shift[0], shift[1], shift[2] = 0.0, 0.0, 0.0
+        axis[k] = positions_ws[foot, k] - positions_ws[hip, k]
+        d += axis[k] * axis[k]
+    d = max(sqrt(d), 1e-9)
+    bend = flexion_of(upper, lower, d)
+    room = max(bend - STRAIGHT, 1e-3)
+    lack = state.swing[side, 3]
+    bend += lack if lack >= 0.0 else -room * (1.0 - exp(lack / room))
+    far = min(flexed_distance(upper, lower, min(bend, 2.7)), FREE_REACH * (upper + lower))
+    rotate(root_frame, state.swing[side, 0:3], goal)
+    quat_exp(goal, q)
+    rotate(q, axis, axis)
     for k in range(3):
-        goal[k] += state.offset[side, k] + shift[k]
-    quat_exp(state.offset[side, 3:6], q)
-    mul(q, goal_turn, goal_turn)
+        goal[k] = positions_ws[hip, k] + axis[k] * far / d
+    quat_exp(state.swing[side, 4:7], q)
+    mul(q, turn, goal_turn)
+    # Not into the ground.
+    depth = sole_depth(feet, side, goal, goal_turn, state.ground[side, 0])
+    graze = feet.limits[11]
+    if depth > 0.0:
+        goal[1] += depth * depth / (2.0 * graze) if depth < graze else depth - 0.5 * graze
+    move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goal, goal_turn, upper, lower,
+             FREE_REACH * (upper + lower))  # fmt: skip
+
+
+@kernel
+def note_swing(
+    feet: Feet, state: FeetState, root_frame: Array, side: int, hip: Array, blended: Array, turn: Array, ankle: Array,
+    turned: Array, dt: float, fresh: bool,
+) -> None:  # fmt: skip
+    """Keep what a planted leg differs by from the blended one, and how fast: it is let go with that."""
+    upper, lower = feet.lengths[side, 0], feet.lengths[side, 1]
+    a, b, now, q, back = np.empty(3), np.empty(3), np.empty(7), np.empty(4), np.empty(4)
+    da, db = 0.0, 0.0
+    for k in range(3):
+        a[k], b[k] = blended[k] - hip[k], ankle[k] - hip[k]
+        da += a[k] * a[k]
+        db += b[k] * b[k]
+    da, db = max(sqrt(da), 1e-9), max(sqrt(db), 1e-9)
+    for k in range(3):
+        a[k] /= da
+        b[k] /= db
+    between(a, b, q)
+    log(q, a)
+    for k in range(3):
+        back[k] = -root_frame[k]
+    back[3] = root_frame[3]
+    rotate(back, a, now[0:3])
+    bend = flexion_of(upper, lower, da)
+    room = max(bend - STRAIGHT, 1e-3)
+    lack = flexion_of(upper, lower, db) - bend
+    now[3] = lack if lack >= 0.0 else room * log1p(-min(-lack / room, 0.97))
+    mul_inv(turned, turn, q)
+    log(q, now[4:7])
+    for k in range(7):
+        state.swing_speed[side, k] = 0.0 if fresh else (now[k] - state.swing[side, k]) / max(dt, 1e-9)
+        state.swing[side, k] = now[k]
+
+
+@kernel
+def sink(feet: Feet, state: FeetState, positions_ws: Array, goals: Array, most: Array, dt: float) -> None:
+    """How far the pelvis is lowered (``state.drop``) so that planted legs reach; sets ``most`` (2), m, their reach."""
+    limits = feet.limits
+    need = 0.0
+    for side in range(2):
+        length = feet.lengths[side, 0] + feet.lengths[side, 1]
+        most[side] = FREE_REACH * length
+        if state.mode[side] != LOCKED and state.mode[side] != SETTLING:
+            continue
+        eased = ramp(state.clock[side, 0] / EASE) if state.mode[side] == LOCKED else 1.0
+        reach = limits[7] + max(state.straight[side] - limits[7], 0.0) * (1.0 - eased)
+        most[side] = reach * length
+        hip = feet.joints[side, 0]
+        away = (goals[side, 0] - positions_ws[hip, 0]) ** 2 + (goals[side, 2] - positions_ws[hip, 2]) ** 2
+        below = sqrt(max(most[side] * most[side] - away, 0.0))
+        lack = positions_ws[hip, 1] - goals[side, 1] - below
+        need = max(need, soft_part(lack, max(eased * limits[10], 1e-6)))
+    y = 2.0 * LN2 / limits[8]
+    e = exp(-y * dt)
+    before = state.drop[0]
+    j = state.drop[1] + before * y
+    state.drop[0] = max(e * (before + j * dt), 0.0)
+    state.drop[1] = e * (state.drop[1] - j * y * dt)
+    if need > state.drop[0]:
+        state.drop[1] = min((need - before) / max(dt, 1e-9), 0.5) if state.drop[2] > 0.0 else 0.0
+        state.drop[0] = need
 
 
 @kernel
@@ -303,10 +322,9 @@ def plant_into(
         How far beyond its reach a locked foot was wanted after the pelvis sank, m (0 unless the ground is too steep).
     """
     fk_into(parents, offsets, root, rotations_ls, positions_ws, rotations_ws)
-    goals, turns = np.empty((2, 3)), np.empty((2, 4))
-    position, turn = np.empty(3), np.empty(4)
-    fresh = state.drop[1] == 0.0
-    state.drop[1] = 1.0
+    goals, turns, wanted, most = np.empty((2, 3)), np.empty((2, 4)), np.empty((2, 3)), np.empty(2)
+    turn = np.empty((2, 4))
+    fresh = state.drop[2] == 0.0
     for side in range(2):
         foot = feet.joints[side, 2]
         if fresh:
@@ -320,73 +338,81 @@ def plant_into(
             state.ground[side, 0] = heights[side] + e * (d + j * dt)
             state.ground[side, 1] = e * (state.ground[side, 1] - j * y * dt)
         for k in range(3):
-            position[k] = positions_ws[foot, k]
-        position[1] += state.ground[side, 0] - heights[2]
+            wanted[side, k] = positions_ws[foot, k]
+        wanted[side, 1] += state.ground[side, 0] - heights[2]
         for k in range(4):
-            turn[k] = rotations_ws[foot, k]
-        if fresh:
-            for k in range(3):
-                state.blended[side, k] = position[k]
-                state.goal[side, k] = position[k]
-            for k in range(4):
-                state.turned[side, k] = turn[k]
-                state.goal[side, 3 + k] = turn[k]
-        wanted = contact[side] if active else -1.0
-        foot_target(feet, state, side, wanted, still, position, turn, dt, goals[side], turns[side])
-    # Sink as far as the legs need.
-    need = 0.0
-    for side in range(2):
-        if state.mode[side] != LOCKED and state.mode[side] != SETTLING:
-            continue
-        hip = feet.joints[side, 0]
-        most = feet.limits[7] * (feet.lengths[side, 0] + feet.lengths[side, 1])
-        away = (goals[side, 0] - positions_ws[hip, 0]) ** 2 + (goals[side, 2] - positions_ws[hip, 2]) ** 2
-        below = sqrt(max(most * most - away, 0.0))
-        need = max(need, positions_ws[hip, 1] - goals[side, 1] - below)
-    back = state.drop[0] * exp(-LN2 * dt / feet.limits[8])
-    state.drop[0] = max(need, back)
+            turn[side, k] = rotations_ws[foot, k]
+        if state.mode[side] == LOCKED or state.mode[side] == SETTLING:
+            touching = contact[side] if active else -1.0
+            stand_or_leave(feet, state, side, touching, still, wanted[side], turn[side], dt, goals[side], turns[side])
+    sink(feet, state, positions_ws, goals, most, dt)
     if state.drop[0] > 0.0:
         root[1] -= state.drop[0]
         for joint in range(parents.shape[0]):
             positions_ws[joint, 1] -= state.drop[0]
     beyond = 0.0
-    flat, bent, toes_ls = np.empty(4), np.empty(2), np.empty(4)
+    angles, flat, toes_ls, ankle, ahead = np.empty(2), np.empty(4), np.empty(4), np.empty(7), np.empty(3)
     for side in range(2):
         upper, lower = feet.lengths[side, 0], feet.lengths[side, 1]
-        most = feet.limits[7] * (upper + lower)
-        if state.mode[side] != LOCKED:
-            # A free leg may be as straight as the blended motion has it; what is farther off it nears softly.
-            most = FREE_REACH * (upper + lower)
-            hip, foot = feet.joints[side, 0], feet.joints[side, 2]
-            own, far = 0.0, 0.0
+        full = upper + lower
+        hip, foot = feet.joints[side, 0], feet.joints[side, 2]
+        # The blended leg, its ankle where it was before the pelvis sank.
+        own, far = 0.0, 0.0
+        for k in range(3):
+            own += (positions_ws[foot, k] - positions_ws[hip, k]) ** 2
+            far += (wanted[side, k] - positions_ws[hip, k]) ** 2
+        own, far = min(sqrt(own), FREE_REACH * full - 1e-3), max(sqrt(far), 1e-9)
+        near = soft_reach(far, FREE_REACH * full, 0.0, max(own / (FREE_REACH * full), SOFT_FROM))
+        for k in range(3):
+            ankle[k] = positions_ws[hip, k] + (wanted[side, k] - positions_ws[hip, k]) * near / far
+        move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, ankle[0:3], turn[side], upper,
+                 lower, FREE_REACH * full)  # fmt: skip
+        if state.mode[side] == LOCKED or state.mode[side] == SETTLING:
+            over = move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goals[side],
+                            turns[side], upper, lower, most[side])  # fmt: skip
+            if state.mode[side] == LOCKED:
+                beyond = max(beyond, over)
+            note_swing(feet, state, rotations_ws[0], side, positions_ws[hip], ankle[0:3], turn[side],
+                       positions_ws[foot], turns[side], dt, fresh)  # fmt: skip
+        else:
+            swing_out(feet, state, parents, rotations_ws[0], side, positions_ws, rotations_ws, rotations_ls,
+                      turn[side], dt)  # fmt: skip
             for k in range(3):
-                own += (positions_ws[foot, k] - positions_ws[hip, k]) ** 2
-                far += (goals[side, k] - positions_ws[hip, k]) ** 2
-            own, far = min(sqrt(own), most - 1e-3), max(sqrt(far), 1e-9)
-            near = soft_reach(far, most, 0.0, max(own / most, SOFT_FROM))
-            for k in range(3):
-                goals[side, k] = positions_ws[hip, k] + (goals[side, k] - positions_ws[hip, k]) * near / far
-        over = move_leg(
-            parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goals[side], turns[side],
-            upper, lower, most,
-        )  # fmt: skip
+                ankle[k] = positions_ws[foot, k]
+            for k in range(4):
+                ankle[3 + k] = rotations_ws[foot, k]
+            if fresh:
+                yaw_pitch(turn[side], angles)
+                state.pitch[side] = angles[1]
+                for k in range(7):
+                    state.ankle[side, k] = ankle[k]
+            touching = contact[side] if active else -1.0
+            if state.mode[side] == BARRED:
+                if touching <= 0.0:
+                    state.mode[side] = FREE
+            elif touching > 0.0:
+                come_down(feet, state, side, positions_ws[hip], turn[side], ankle, dt)
+        yaw_pitch(turn[side], angles)
+        state.pitch[side] = angles[1]
+        for k in range(3):
+            state.ankle[side, k] = positions_ws[foot, k]
+        for k in range(4):
+            state.ankle[side, 3 + k] = rotations_ws[foot, k]
         locked = state.mode[side] == LOCKED
-        if locked:
-            beyond = max(beyond, over)
         state.grip[side] += (1.0 - exp(-LN2 * dt / 0.04)) * ((1.0 if locked else 0.0) - state.grip[side])
         toes = feet.joints[side, 3]
         if toes >= 0:
-            foot = feet.joints[side, 2]
             if state.grip[side] > 1e-3:
-                yaw_pitch(turns[side], bent)
-                up = min(max(-(bent[1] - state.prints[side, 4]), 0.0), 1.0)
+                yaw_pitch(rotations_ws[foot], angles)
+                up = min(max(-(angles[1] - state.prints[side, 4]), 0.0), 1.0)
                 from_axis_angle(1.0, 0.0, 0.0, -up, flat)
                 slerp(rotations_ls[toes], flat, state.grip[side], toes_ls)
                 for k in range(4):
                     rotations_ls[toes, k] = toes_ls[k]
             mul(rotations_ws[foot], rotations_ls[toes], rotations_ws[toes])
-            rotate(rotations_ws[foot], offsets[toes], position)
+            rotate(rotations_ws[foot], offsets[toes], ahead)
             for k in range(3):
-                positions_ws[toes, k] = positions_ws[foot, k] + position[k]
+                positions_ws[toes, k] = positions_ws[foot, k] + ahead[k]
         contact[side] = 1.0 if locked else 0.0
+    state.drop[2] = 1.0
     return beyond

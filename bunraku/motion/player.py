@@ -485,9 +485,9 @@ class Player:
             if self.state.mode[side] == LOCKED:
                 level.append(float(self.state.prints[side, 1]))
             else:
-                at = self.state.blended[side] if self.state.drop[1] else self.root
+                at = self.state.ankle[side] if self.state.drop[2] else self.root
                 level.append(ground(float(at[0]), float(at[2])))
-            at = self._positions[foot] if self.state.drop[1] else self.root
+            at = self._positions[foot] if self.state.drop[2] else self.root
             self._heights[side] = ground(float(at[0]), float(at[2]))
         low, high = min(level), max(level)
         goal = np.array([low + 0.35 * (high - low)])
@@ -511,9 +511,10 @@ class Player:
             back = ground(float(mark[0] + heel * s), float(mark[2] + heel * c))
             front = ground(float(mark[0] + ball * s), float(mark[2] + ball * c))
             middle = back + (front - back) * (-heel) / (ball - heel)
-            self.state.offset[side, 1] -= middle - mark[1]
+            self.state.offset[side, 0] -= middle - mark[1]
             mark[1] = middle
             mark[4] = float(np.arctan2(front - back, ball - heel))
+            self.state.offset[side, 1] -= mark[4]
 
     # Save and restore
 

@@ -7,7 +7,8 @@ from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.motion import rotation as rot
 from bunraku.motion.constraint import path_of
-from bunraku.motion.footlock import LOCKED, feet_of
+from bunraku.motion.footlock import FREE, LOCKED, feet_of, soft_part
+from bunraku.motion.footprint import planted, print_under, roll_of, sole_depth, yaw_pitch
 from bunraku.motion.ground import Heightfield, lowest, roll, rolled, sole_of
 from bunraku.motion.leg import move_leg
 from bunraku.motion.player import Player
@@ -67,6 +68,76 @@ def test_a_leg_that_is_put_where_it_is_stays_as_it_is_and_else_gets_there(seed):
     np.testing.assert_allclose(again[foot], places[foot], atol=1e-9)
     assert np.linalg.norm(again[foot] - goal) <= beyond + 1e-6
     assert abs(np.sum(again_turns[foot] * before[1][foot])) == pytest.approx(1.0, abs=1e-9)
+
+
+@given(st.floats(-1.1, 0.6), st.floats(-0.3, 0.3), st.floats(-3.0, 3.0), st.floats(-0.25, 0.25))
+@settings(deadline=None)
+def test_a_foot_on_its_print_rolls_and_leans_about_heel_or_ball(pitch, lean, yaw, slope):
+    feet = feet_of(default_figure())
+    mark = np.array([0.3, 0.1, -0.7, yaw, slope])
+    position, turn, flat, flat_turn = np.empty(3), np.empty(4), np.empty(3), np.empty(4)
+    planted(feet, 0, mark, pitch, lean, position, turn)
+    planted(feet, 0, mark, 0.0, 0.0, flat, flat_turn)
+    height, heel, ball = feet.soles[0]
+    arm = np.array([0.0, -height, heel if pitch >= 0.0 else ball])
+    np.testing.assert_allclose(position + rot.rotate(turn, arm), flat + rot.rotate(flat_turn, arm), atol=1e-12)
+    angles = np.empty(2)
+    yaw_pitch(turn, angles)
+    assert angles[1] == pytest.approx(pitch + slope, abs=1e-9)
+    assert roll_of(turn) == pytest.approx(lean, abs=1e-9)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None)
+def test_the_print_of_a_foot_lies_under_what_it_stands_on(seed):
+    random = np.random.default_rng(seed)
+    feet, mark = feet_of(default_figure()), np.empty(5)
+    wanted = np.array([*random.normal(0.0, 2.0, 3), random.uniform(-3, 3), 0.0])
+    ankle, turn, again, turned = np.empty(3), np.empty(4), np.empty(3), np.empty(4)
+    pitch, lean = random.uniform(-1.0, 0.5), random.uniform(-0.3, 0.3)
+    planted(feet, 1, wanted, pitch, lean, ankle, turn)
+    assert sole_depth(feet, 1, ankle, turn, float(wanted[1])) == pytest.approx(0.0, abs=1e-9)
+    ankle[1] += 0.02
+    print_under(feet, 1, ankle, turn, float(wanted[1]), mark)
+    np.testing.assert_allclose(mark, wanted, atol=1e-9)
+    planted(feet, 1, mark, pitch, lean, again, turned)
+    np.testing.assert_allclose(again, ankle - np.array([0.0, 0.02, 0.0]), atol=1e-9)
+
+
+@given(st.floats(-0.1, 0.1), st.floats(1e-6, 0.05))
+def test_the_soft_part_is_never_less_than_the_positive_part(x, width):
+    assert max(x, 0.0) - 1e-12 <= soft_part(x, width) <= max(x, 0.0) + 0.25 * width + 1e-12
+    assert abs(soft_part(x + 1e-9, width) - soft_part(x, width)) <= 1.01e-9
+
+
+def _velocity_steps(rotations) -> np.ndarray:
+    """(F - 2, J) degrees/s by which each joint's velocity changes from one frame to the next, 60 a second."""
+    rotations = np.array(rotations)
+    speeds = rot.log(rot.mul(rotations[1:], rot.inverse(rotations[:-1]))) * 60.0
+    return np.degrees(np.linalg.norm(np.diff(speeds, axis=0), axis=-1))
+
+
+@pytest.mark.parametrize("speed", [0.9, 1.5, 2.0, 2.6])
+def test_a_leg_that_is_let_go_makes_no_jerk(speed):
+    motion_set = builtin_set()
+    player = Player(motion_set)
+    t = np.linspace(0.0, 5.0, 200)
+    player.follow(path_of(np.stack([0.6 * np.sin(1.7 * t), t], -1), speeds=np.full(200, speed)))
+    turns, released = [], []
+    for _ in range(500):
+        was = player.state.mode.copy()
+        player.update(1 / 60)
+        turns.append(player.rotations.copy())
+        if ((was == LOCKED) & (player.state.mode == FREE)).any():
+            released.append(len(turns) - 1)
+        if player.free:
+            break
+    sources = max(_velocity_steps(e.clip.rotations).max() for e in motion_set.module("locomotion").examples)
+    steps = _velocity_steps(turns).max(axis=1)
+    assert len(released) > 4
+    at_release = max(float(steps[max(k - 2, 0) : k + 2].max()) for k in released)
+    assert at_release < 0.75 * sources
+    assert steps.max() < sources
 
 
 @pytest.mark.parametrize("speed", [0.6, 1.4, 3.2])
