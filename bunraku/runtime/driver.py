@@ -4,9 +4,10 @@ A driver is a small class of its own file. The built-in ones of a node are in it
 entry points of the group ``bunraku.drivers`` named ``<kind>.<name>``, like ``pen.mytablet``.
 """
 
+import contextlib
 import importlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, Literal
 
@@ -28,6 +29,8 @@ class Driver:
     name: ClassVar[str] = "driver"
     sampled: ClassVar[bool] = False
     """Whether `sample` is called at the node's rate."""
+    topics: ClassVar[tuple[str, ...]] = ()
+    """What it listens to in `open`."""
 
     def __init__(self, host: Any) -> None:
         self.host = host
@@ -101,6 +104,15 @@ class DriverHost(Node):
         "stop", choices=["stop", "stay", "loop"], doc="after the performance: end the node, idle, again"
     )
     pause: float = param(1.0, low=0.0, high=3600.0, doc="s between two rounds of a looped performance")
+
+    @classmethod
+    def further(cls, params: dict[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+        """What the drivers of these parameters listen to."""
+        heard: list[str] = []
+        for name in params["drivers"]:
+            with contextlib.suppress(DriverProblem):  # told when the node starts
+                heard += find(cls.kind, name, cls.built_in).topics
+        return (), heard
 
     def setup(self) -> None:
         self.device = True  # what is read is not in the journal

@@ -7,7 +7,7 @@ bodies, so that a node runs the same in its own process, in a unit test and in e
 
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar, overload
 
@@ -307,6 +307,11 @@ class Node:
         kind = kind_of(resolved) or kind_of(topic) or TopicKind(type_)
         self.stage.advertise(self, resolved, replace(kind, type=type_))
         return BoundPublisher(self, resolved, type_)
+
+    @classmethod
+    def further(cls, params: dict[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+        """Topics that a node with these parameters opens in `setup`, beside the declared ones: (said, heard)."""
+        return (), ()
 
     def listen(
         self, topic: str, type_: Any, handler: Callable[..., Any], *, trigger: bool = True, raw: bool = False

@@ -132,6 +132,7 @@ def _check_node(spec: NodeSpec, faults: list[str]) -> Planned | None:
         return None
     declared = declaration(node, spec.name)
     params = {}
+    before = len(faults)
     for key, value in spec.params.items():
         if key not in declared.params:
             has = ", ".join(sorted(declared.params)) or "none"
@@ -141,7 +142,12 @@ def _check_node(spec: NodeSpec, faults: list[str]) -> Planned | None:
             params[key] = declared.params[key].convert(value)
         except (ParamProblem, TypeError) as error:
             faults.append(spec.fault(f"params.{key}", str(error).removeprefix(f"{key}: ")))
-    topics = [*declared.says, *declared.hears]
+    said, heard = [*declared.says], [*declared.hears]
+    if len(faults) == before:
+        more_said, more_heard = node.further(convert_all(node, dict(params)))
+        said += [topic for topic in more_said if topic not in said]
+        heard += [topic for topic in more_heard if topic not in heard]
+    topics = [*said, *heard]
     for source, goal in spec.remap.items():
         if source not in topics:
             has = ", ".join(sorted(t for t in topics if t.split("/")[0] not in OWN))
@@ -149,8 +155,8 @@ def _check_node(spec: NodeSpec, faults: list[str]) -> Planned | None:
         if not NAME.fullmatch(goal.removeprefix("/")):
             faults.append(spec.fault(f"remap.{source}", f"{goal!r}: use a-z, 0-9, '_' and '/' between the parts"))
     remap = dict(spec.remap)
-    says = {resolve(topic, spec.ns, remap): topic for topic in declared.says}
-    return Planned(spec, node, params, says, [resolve(topic, spec.ns, remap) for topic in declared.hears])
+    says = {resolve(topic, spec.ns, remap): topic for topic in said}
+    return Planned(spec, node, params, says, [resolve(topic, spec.ns, remap) for topic in heard])
 
 
 def _twice(planned: Sequence[Planned]) -> list[str]:

@@ -1,6 +1,8 @@
 """The blender node: `command` in; `motion` (or `pose` and `skeleton`) and an overlay out, 60 times a second."""
 
+from collections.abc import Sequence
 from pathlib import Path as File
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +45,6 @@ class Blender(Node):
     jit = True
 
     motion: Publisher[Motion] = Publisher("motion", Motion)
-    skeleton_topic: Publisher[SkeletonMessage] = Publisher("skeleton", SkeletonMessage)
     overlay: Publisher[Overlay] = Publisher("overlay/blender", Overlay)
 
     figure: str = param("default", doc="the figure's name")
@@ -71,6 +72,11 @@ class Blender(Node):
     drive_duck: float = param(0.0, low=0.0, high=1.0, doc="0..1, standing or driven")
     show_overlay: bool = param(True, doc="say path and footprints for the picture")
 
+    @classmethod
+    def further(cls, params: dict[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+        """The skeleton, where it is said here."""
+        return (["skeleton"] if params["skeleton"] else []), ()
+
     def setup(self) -> None:
         motion_set = MotionSet.load(File(self.motions)) if self.motions else self._builtin()
         self.core = BlenderCore(
@@ -83,7 +89,7 @@ class Blender(Node):
         self.drawn_at = 0
         self.driven_at = 0
         if self.skeleton:
-            self.skeleton_topic.publish(to_message(self.core.skeleton, self.figure))
+            self.advertise("skeleton", SkeletonMessage).publish(to_message(self.core.skeleton, self.figure))
 
     def _builtin(self) -> MotionSet:
         if self.figure != "default":

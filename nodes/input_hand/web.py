@@ -8,6 +8,7 @@ class WebDriver(Driver):
     """Reads topic ``web/events``; each page is a pair of hands of its own."""
 
     name = "web"
+    topics = ("web/events",)
 
     def open(self) -> None:
         self.seen: dict[str, int] = {}

@@ -11,6 +11,7 @@ class WebDriver(Driver):
     """Reads topic ``web/events``; each page is a pen of its own."""
 
     name = "web"
+    topics = ("web/events",)
 
     def open(self) -> None:
         self.last: dict[str, tuple[Pen, int]] = {}

@@ -109,6 +109,8 @@ class Driver:
     name = "driver"
     sampled = False
     """Whether `sample` is called at the node's rate."""
+    topics: tuple[str, ...] = ()
+    """What it listens to in `open`."""
 
     def __init__(self, host: Host) -> None:
         self.host = host

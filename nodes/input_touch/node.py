@@ -1,6 +1,8 @@
 """The node: hosts touch drivers, and keeps the rules of the `touch` topic for all of them."""
 
+import contextlib
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from bunraku.msgs import Device, Touch
@@ -30,8 +32,18 @@ class InputTouch(Node):
     port: int = param(3333, low=0, high=65535, doc="UDP port of driver tuio; 0 takes a free one")
     merge: float = param(0.002, low=0.0, high=0.02, doc="s that driver tuio waits for the rest of a split frame")
     lost: float = param(2.0, low=0.1, high=3600.0, doc="s of silence after which a TUIO source is gone")
+    silent: float = param(1.5, low=0.3, high=60.0, doc="s of silence after which a page's fingers are taken away")
     size_m: list[float] = param([], doc="width and height of the TUIO surface in m, where its ellipses shall be known")
     evdev: str = param("", doc="path of the touch device for driver evdev; empty takes the first touch screen")
+
+    @classmethod
+    def further(cls, params: dict[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+        """What the drivers of these parameters listen to."""
+        heard: list[str] = []
+        for name in params["drivers"]:
+            with contextlib.suppress(DriverProblem):  # told when the node starts
+                heard += find(name).topics
+        return (), heard
 
     def setup(self) -> None:
         self.device = True  # what is read is not in the journal

@@ -8,14 +8,18 @@ class WebDriver(Driver):
     """Reads topic ``web/events``; each page is a device of its own."""
 
     name = "web"
+    topics = ("web/events",)
 
     def open(self) -> None:
         self.pages: set[str] = set()
+        self.held: dict[str, int] = {}
+        """Page -> when it was heard last, while fingers are down on it."""
         self.host.listen("web/events", Event, self.on_event)
 
     def on_event(self, event: Event) -> None:
         """A frame of touches, or the end of a page."""
         if event.kind == "gone":
+            self.held.pop(event.device, None)
             if event.device in self.pages:
                 self.host.gone(event.device, "the page was closed")
             return
@@ -33,4 +37,16 @@ class WebDriver(Driver):
                 ended[one.id] = one.phase
             else:
                 live[one.id] = Sample(one.x, one.y, one.major, one.minor, one.angle, one.pressure)
-        self.host.frame(Frame(event.device, live, event.origin or self.host.clock(), ended))
+        now = event.origin or self.host.clock()
+        self.held.pop(event.device, None)
+        if live:
+            self.held[event.device] = now
+        self.host.frame(Frame(event.device, live, now, ended))
+
+    def keep(self, now: int) -> None:
+        """A page tells the fingers that are down four times a second: silence means that nobody holds the figure."""
+        limit = round(self.host.option("silent") * 1e9)
+        for device, at in list(self.held.items()):
+            if now - at > limit:
+                del self.held[device]
+                self.host.gone(device, "the page is silent")

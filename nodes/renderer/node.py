@@ -1,5 +1,6 @@
 """Shows the figures in a window and films them."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,12 @@ class Renderer(Node):
     film: Film | None = None
     worker: Worker | None = None
     _engine: Engine | None = None
+
+    @classmethod
+    def further(cls, params: dict[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+        """What the figures of these parameters say."""
+        parts = ("pose", "skeleton", "camera", "overlay/*")
+        return (), [f"{name}/{part}" for name in params["figures"] if name for part in parts]
 
     def setup(self) -> None:
         """Open the window, or the thread that films without one."""

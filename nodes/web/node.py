@@ -4,8 +4,10 @@ import logging
 import ssl
 import sys
 import webbrowser
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -117,6 +119,13 @@ class Web(Node):
         """Parameters of any node."""
         self.calls.params[msg.node] = msg
         self.server.tell("params", encode_text("params", seq=self.steps))
+
+    @classmethod
+    def further(cls, params: dict[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+        """What the figures of these parameters say, and what their pages do."""
+        leads = [f"{figure}/" if figure else "" for figure in params["figures"] or [""]]
+        shown = [f"{lead}{topic}" for lead in leads for topic in ("pose", "skeleton", "camera", "overlay/*")]
+        return [f"{lead}web/events" for lead in leads], shown
 
     # -- what the stage shows ----------------------------------------------------------------------------------
 

@@ -214,3 +214,36 @@ def test_the_page_s_fingers_and_its_closing() -> None:
     # A page that comes back is connected again.
     stage.publish("web/events", page("web-a", "touch", finger))
     assert stage.last("device/web_a").connected
+
+
+def test_a_page_that_is_silent_while_it_holds_contacts_loses_them() -> None:
+    stage = MemoryStage()
+    stage.add(InputTouch, drivers=["web"])
+    finger = Contact(id=3, phase="down", x=0.5, y=0.25)
+    stage.publish("web/events", page("web-a", "touch", finger))
+    for _ in range(20):  # a page tells what is held four times a second
+        stage.advance(0.25)
+        stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="move", x=0.5, y=0.25)))
+    assert [one.phase for one in stage.last("touch").contacts] == ["move"]
+    stage.advance(1.4)
+    assert [one.phase for one in stage.last("touch").contacts] == ["move"]
+    stage.advance(0.3)
+    assert [(one.id, one.phase) for one in stage.last("touch").contacts] == [(3, "cancel")]
+    assert (stage.last("device/web_a").connected, stage.last("device/web_a").note) == (False, "the page is silent")
+    count = len(stage.received("touch"))
+    stage.advance(5.0)
+    assert len(stage.received("touch")) == count
+    # It was only frozen: what it still holds is told as new.
+    stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="move", x=0.6, y=0.25)))
+    assert [one.phase for one in stage.last("touch").contacts] == ["down"]
+    assert stage.last("device/web_a").connected
+
+
+def test_a_page_that_holds_nothing_may_be_silent() -> None:
+    stage = MemoryStage()
+    stage.add(InputTouch, drivers=["web"])
+    stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="down", x=0.5, y=0.25)))
+    stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="up", x=0.5, y=0.25)))
+    stage.advance(30.0)
+    assert stage.last("device/web_a").connected
+    assert [one.phase for one in stage.last("touch").contacts] == ["up"]

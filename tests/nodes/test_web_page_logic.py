@@ -2,11 +2,13 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
+import javascript
 import numpy as np
 import pytest
 
@@ -110,37 +112,46 @@ def write_sample(folder: Path) -> None:
 
 
 def test_the_page_reads_what_the_server_writes_and_its_logic_holds(tmp_path: Path) -> None:
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("needs node (18 or later)")
+    words = javascript.node()
+    if words is None:
+        pytest.skip("needs node (18 or later): ./install test")
     write_sample(tmp_path)
     run = subprocess.run(
-        [node, "--test", *map(str, sorted((ROOT / "tests" / "page").glob("*.test.mjs")))],
-        env={**os.environ, "BUNRAKU_PAGE_SAMPLE": str(tmp_path)}, capture_output=True, text=True, timeout=60,
+        [*words, "--test", "--test-reporter=tap", *map(str, sorted((ROOT / "tests" / "page").glob("*.test.mjs")))],
+        env={**os.environ, "BUNRAKU_PAGE_SAMPLE": str(tmp_path)}, capture_output=True, text=True, timeout=120,
         check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout[-6000:]
     assert "# skipped 0" in run.stdout
+    passed = re.search(r"^# pass (\d+)$", run.stdout, re.M)
+    assert passed is not None
+    assert int(passed[1]) >= 30
+
+
+def check_types(folder: Path) -> subprocess.CompletedProcess[str]:
+    command = javascript.typescript()
+    if isinstance(command, str):
+        pytest.skip(command)
+    return subprocess.run(
+        [*command, "-p", str(folder / "jsconfig.json")], env=javascript.environment(), capture_output=True, text=True,
+        timeout=150, check=False,
+    )  # fmt: skip
 
 
 def test_the_page_s_types_hold() -> None:
-    compiler = shutil.which("tsc")
-    npx = shutil.which("npx")
-    command = [compiler] if compiler else [npx, "--no-install", "tsc"] if npx else None
-    if command is None:
-        pytest.skip("needs the TypeScript compiler: npm install --global typescript")
-    known = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=60, check=False, cwd=ROOT)
-    if known.returncode:
-        pytest.skip("needs the TypeScript compiler: npm install --global typescript")
-    run = subprocess.run(
-        [*command, "-p", str(PAGE / "jsconfig.json")],
-        capture_output=True,
-        text=True,
-        timeout=110,
-        check=False,
-        cwd=ROOT,
-    )
+    run = check_types(PAGE)
     assert run.returncode == 0, run.stdout
+
+
+def test_a_wrong_type_would_be_found(tmp_path: Path) -> None:
+    page = Path(shutil.copytree(PAGE, tmp_path / "page"))
+    outbox = page / "outbox.js"
+    text = outbox.read_text()
+    assert "contacts.frame(" in text
+    outbox.write_text(text.replace("contacts.frame(", "contacts.frames("))
+    run = check_types(page)
+    assert run.returncode != 0
+    assert "outbox.js" in run.stdout
 
 
 def test_comments_are_left_out_of_what_is_served_and_code_is_not() -> None:

@@ -9,6 +9,7 @@ from bunraku.runtime import plan
 from bunraku.runtime.launch import LaunchError, NodeSpec, group
 from bunraku.runtime.launch import names as launch_names
 from bunraku.runtime.launch import node as ask
+from bunraku.runtime.memory import MemoryStage
 
 SOURCE, COUNTER, CHOOSER = (f"launch_nodes:{name}" for name in ("Source", "Counter", "Chooser"))
 
@@ -192,3 +193,31 @@ def test_every_launch_file_passes_its_checks(name):
     file = LaunchFile.find(name)
     assert file.doc
     assert plan.check(file.specs({}))
+
+
+@pytest.mark.parametrize(
+    ("kind", "params"),
+    [
+        ("input_touch", {"drivers": ["web"]}), ("input_pen", {"drivers": ["web"]}), ("input_pad", {"drivers": ["web"]}),
+        ("input_hand", {"drivers": ["web"]}), ("web", {"port": 0, "figures": ["", "alice"]}), ("interpreter", {}),
+        ("blender", {"skeleton": True}), ("blender", {}),
+        ("renderer", {"figures": ["alice", "bob"], "window": "off"}), ("web", {"port": 0, "figures": ["alice"]}),
+    ],
+)  # fmt: skip
+def test_the_graph_that_is_shown_is_the_one_that_runs(kind, params):
+    (planned,) = plan.check([ask(kind, params=params)])
+    stage = MemoryStage()
+    running = stage.add(planned.node, **params)
+    try:
+        heard = {one.topic for one in running.subscriptions.values()}
+        assert set(planned.hears) == heard
+        assert set(planned.outputs) == {t for t in stage._owners if t.partition("/")[0] not in plan.OWN}
+    finally:
+        stage.remove(running)
+
+
+def test_who_hears_the_page_is_counted_by_its_drivers():
+    pen = ask("input_pen", params={"drivers": ["web", "script"]})
+    planned = plan.check([pen, ask("input_hand", params={"drivers": ["script"]}), ask("web")])
+    assert plan.wiring(planned)["web"]["web/events"] == 1
+    assert [one.spec.path for one in planned if one.hears_topic("pose")] == ["web"]

@@ -119,7 +119,9 @@ function begin() {
     contacts.endAll("cancel");
     fingers.release();
     pen.leave(performance.now());
-    outbox.flush(nowOf(performance.now()), here.role === "play");
+    const now = nowOf(performance.now()), plays = here.role === "play";
+    outbox.flush(now, plays);
+    if (contacts.changed) outbox.flush(now, plays); // a finger that was not yet told comes and goes
   };
   document.addEventListener("visibilitychange", () => {
     if (document.hidden) letGo();
