@@ -169,6 +169,7 @@ class SpeedOffset:
         self.rules = rules
         self.smooth: Array | None = None
         self.value = 0.0
+        self.back = 0.0  # m/s at which it goes back
         self.direction = np.zeros(3)
         self.forward = False
         """Whether the view has a forward direction now (eq. 9)."""
@@ -193,8 +194,14 @@ class SpeedOffset:
         if way is not None:
             self.direction = way
             wanted = min(max(0.0, speed - rules.speed_threshold) * rules.speed_gain, max(0.0, room))
-        lag = rules.speed_attack if wanted > self.value else rules.speed_release
-        self.value += (wanted - self.value) * (1.0 - exp(-dt / lag))
+        rest = wanted - self.value
+        if rest > 0.0:
+            self.back = 0.0
+            self.value += min(rest * (1.0 - exp(-dt / rules.speed_attack)), rules.speed_rise * dt)
+        else:
+            # It goes back gently at first: a fist stays out for a moment.
+            self.back += (-rest / rules.speed_release - self.back) * (1.0 - exp(-dt / rules.speed_ease))
+            self.value = max(wanted, self.value - self.back * dt)
         self.value = min(self.value, max(self.value - 4.0 * dt, max(0.0, room)))
         return self.direction * self.value
 
@@ -224,10 +231,12 @@ def reach_room(root: Array, point: Array, direction: Array, reach: float) -> flo
     return float(-b + (b * b - c) ** 0.5)
 
 
-def clearance_offset(scene: Scene, joints: list[int], point: Array, way: Array, rules: TouchRules = RULES) -> float:
+def clearance_offset(
+    scene: Scene, joints: list[int], point: Array, way: Array, margin: float, rules: TouchRules = RULES
+) -> float:
     """m that a point must go along the unit ``way`` to keep clear of the boxes of ``joints`` (eq. 11).
 
-    Grows from nothing at `clear_margin` beside a box to the whole at its edge, so that it has no jump.
+    Grows from nothing at ``margin`` (m) beside a box to the whole at its edge, so that it has no jump.
     """
     most = 0.0
     local = np.empty(3)
@@ -243,9 +252,9 @@ def clearance_offset(scene: Scene, joints: list[int], point: Array, way: Array, 
         if depth <= 0.0:
             continue
         beside = gap_to_line(start, along, half) - rules.hand_radius
-        if beside >= rules.clear_margin:
+        if beside >= margin:
             continue
-        share = 1.0 - max(0.0, beside) / rules.clear_margin
+        share = 1.0 - max(0.0, beside) / margin
         most = max(most, depth * share * share * (3.0 - 2.0 * share))
     return most
 

@@ -59,6 +59,7 @@ class PointGrab:
         self.end = hit.part.kind == "end"
         if self.end:
             limb = next(n for n in range(4) if int(scene.rig.limbs[n, 2]) == joint)
+            self.arm = limb < 2
             self.root = int(scene.rig.limbs[limb, 0])
             self.reach = float(scene.rig.lengths[limb].sum())
             self.body = body_joints(scene, hit.part.name)
@@ -78,7 +79,9 @@ class PointGrab:
             if self.speed.forward:
                 ramp = min(1.0, self.dragged / rules.clear_ramp)
                 way = self.speed.direction
-                wanted = clearance_offset(scene, self.body, point, way, rules) * ramp * ramp * (3.0 - 2.0 * ramp)
+                beside = rules.clear_margin if self.arm else rules.clear_legs
+                wanted = clearance_offset(scene, self.body, point, way, beside, rules)
+                wanted *= ramp * ramp * (3.0 - 2.0 * ramp)
             self.clear += (wanted - self.clear) * (1.0 - exp(-dt / rules.clear_lag))
             point = point + self.speed.direction * self.clear
         self.value = (float(point[0]), float(point[1]), float(point[2]))
@@ -220,7 +223,7 @@ class PelvisGrab:
             self.ease = np.array(self.value) - inside
         self.standing = standing
         if beyond:
-            goal = self._step_goal(scene, ray, offset)
+            goal = self._step_goal(scene, ray, offset, float(wanted[1]))
             if goal is not None:
                 self.goal = goal
                 self.since = scene.now
@@ -282,11 +285,16 @@ class PelvisGrab:
                 feet.append(side)
         return feet
 
-    def _step_goal(self, scene: Scene, ray: Ray, offset: Array) -> Array | None:
-        """Where a step goes, (x, z): the view ray on the level of the pelvis, at a step's length (5.3)."""
+    def _step_goal(self, scene: Scene, ray: Ray, offset: Array, height: float) -> Array | None:
+        """Where a step goes, (x, z): the view ray on the level of the pelvis, at a step's length (5.3).
+
+        That level is the ``height`` (m) which the drag asks for, as far as a standing or ducking pelvis comes near it:
+        a level view would take every centimetre by which the hips sink over one leg for a decimetre of depth.
+        """
         rules = self.rules
         here = scene.positions[0]
-        level = float(here[1] - offset[1])
+        rest = float(scene.rig.rest_positions[0, 1])
+        level = min(rest + rules.step_level, max(rules.duck * rest - rules.step_level, height)) - float(offset[1])
         drop = float(ray.direction[1])
         t = (level - float(ray.origin[1])) / drop if abs(drop) > 1e-9 else -1.0
         if t > 0.0:

@@ -25,8 +25,12 @@ class TouchRules:
     """s, low-pass of the drag speed."""
     speed_attack: float = 0.02
     """s, time constant with which the speed offset grows."""
+    speed_rise: float = 6.0
+    """m/s at most with which it grows: a fist's speed, so that the figure can keep up."""
     speed_release: float = 0.25
     """s, time constant with which it goes back."""
+    speed_ease: float = 0.10
+    """s, time constant with which it takes up its way back."""
     overreach: float = 1.08
     """Times a limb's length that the speed offset may carry its end from its root."""
     clear_lag: float = 0.05
@@ -37,6 +41,8 @@ class TouchRules:
     """m, the ball that stands for a hand or foot in eq. 11."""
     clear_margin: float = 0.10
     """m beside a body part over which the offset of eq. 11 fades in."""
+    clear_legs: float = 0.04
+    """m beside the other leg over which it fades in for a foot: feet stand near each other."""
     clear_ramp: float = 0.15
     """m of drag over which it fades in after the grab, so that grabbing moves nothing."""
     widest_turn: float = 1.75
@@ -49,6 +55,8 @@ class TouchRules:
     """m outside the support polygon at which a pelvis drag becomes a step."""
     step_rise: float = 0.10
     """m above or below the pelvis's range of heights at which it becomes a step."""
+    step_level: float = 0.03
+    """m that a drag may be above a standing pelvis, or below a ducking one, without being a step away or near."""
     step_least: float = 0.5
     """m, shortest step (5.3)."""
     step_most: float = 0.8

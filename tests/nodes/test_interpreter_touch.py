@@ -11,6 +11,7 @@ from bunraku.figure.fk import fk
 from bunraku.figure.wire import to_message
 from bunraku.msgs import Camera, Contact, Contacts, Device, Pose, Target, Touch
 from bunraku.nodes.interpreter.node import Interpreter, Plays
+from bunraku.nodes.interpreter.rules import RULES
 from bunraku.runtime.memory import MemoryStage
 from bunraku.runtime.node import ParamProblem
 
@@ -18,8 +19,10 @@ FIGURE = default_figure()
 HZ = 60.0
 NAMES = ("pelvis", "left_hand", "right_hand", "left_foot", "right_foot", "trunk", "head", "yaw",
          "left_elbow", "right_elbow", "left_knee", "right_knee")  # fmt: skip
-ROLES = {"pelvis": "hips", "left_hand": "leftHand", "right_foot": "rightFoot", "trunk": "chest", "head": "head"}
-JOINTS = {**ROLES, "left_elbow": "leftLowerArm", "right_knee": "rightLowerLeg"}
+ROLES = {"pelvis": "hips", "left_hand": "leftHand", "right_hand": "rightHand", "left_foot": "leftFoot",
+         "right_foot": "rightFoot", "trunk": "chest", "head": "head"}  # fmt: skip
+JOINTS = {**ROLES, "left_elbow": "leftLowerArm", "right_elbow": "rightLowerArm", "left_knee": "leftLowerLeg",
+          "right_knee": "rightLowerLeg"}  # fmt: skip
 
 
 class Table:
@@ -191,6 +194,27 @@ def look_orbit(eye: tuple[float, float, float]) -> Orbit:
     return orbit_from(eye, (0, 0.9, 0), 0.576, 16 / 9)
 
 
+def test_a_punch_leaves_no_faster_than_a_fist_and_stays_out_for_a_moment() -> None:
+    table = Table()
+    table.node.viewer.orbit = look_orbit((0.0, 1.3, 4.0))
+    table.stage.advance(0.05)
+    x, y = table.place("left_hand")
+    table.down(1, (x, y))
+    table.drag(1, (x - 0.06, y + 0.10), 1.5)
+    depths = [table.target.left_hand[2]]
+    for k in range(1, 9):  # out and up by half a metre in 0.13 s
+        table.drag(1, (x - 0.06 - 0.01 * k, y + 0.10 - 0.02 * k), 1.0 / HZ)
+        depths.append(table.target.left_hand[2])
+    assert max(np.diff(depths)) * HZ <= RULES.speed_rise + 1.0  # eq. 11 adds its own
+    most = max(depths)
+    assert most > 0.3
+    table.stage.advance(0.1)
+    assert table.target.left_hand[2] > 0.75 * most
+    table.stage.advance(3.0)
+    grab = table.node.cores["figure"].held["left_hand"].grab  # type: ignore[attr-defined]
+    assert not grab.speed.moving  # what is left is eq. 11's: clear of the chest
+
+
 def test_from_the_side_speed_adds_nothing() -> None:
     table = Table()
     table.node.viewer.orbit = look_orbit((4.2, 1.2, 0.2))
@@ -216,6 +240,34 @@ def test_a_hand_dragged_before_the_body_keeps_clear_of_it() -> None:
     # The chest's front is at z = 0.11; a hand's half thickness and the clearance come before it.
     assert table.target.left_hand[2] > 0.11 + 0.06
     assert max(np.diff(depths)) < 0.10  # no jump, at 2.5 cm of drag from one to the next
+
+
+def test_a_foot_that_is_lifted_beside_the_other_leg_goes_straight_up() -> None:
+    for part in ("left_foot", "right_foot"):
+        table = Table()
+        table.node.viewer.orbit = look_orbit((0.0, 1.2, 4.2))
+        table.stage.advance(0.05)
+        x, y = table.place(part)
+        table.down(1, (x, y))
+        before = np.array(getattr(table.target, part))
+        table.drag(1, (x, y - 0.12), 2.0)
+        moved = np.array(getattr(table.target, part)) - before
+        assert moved[1] > 0.25
+        assert abs(moved[2]) < 0.01
+
+
+def test_a_foot_that_is_dragged_across_the_other_leg_passes_before_it() -> None:
+    table = Table()
+    table.node.viewer.orbit = look_orbit((0.0, 1.2, 4.2))
+    table.stage.advance(0.05)
+    x, y = table.place("right_foot")
+    leg = project(table.camera, FIGURE.rest_positions[FIGURE.role("leftLowerLeg")])
+    table.down(1, (x, y))
+    table.drag(1, (x, y - 0.10), 1.0)
+    table.drag(1, (float(leg[0]), y - 0.10), 1.5)
+    table.stage.advance(0.3)
+    box = FIGURE.box_sizes[FIGURE.role("leftLowerLeg")]
+    assert table.target.right_foot[2] > box[2] + 0.05
 
 
 @pytest.mark.parametrize(("part", "axis"), [("trunk", 0), ("head", 0)])
@@ -283,6 +335,21 @@ def test_a_pelvis_dragged_beyond_the_feet_is_one_step_at_a_time() -> None:
     later = table.stage.received("command")
     assert len(later) == 2
     assert later[1].id > later[0].id
+
+
+@pytest.mark.parametrize("lower", [0.0, 0.02, 0.25])
+def test_a_level_drag_is_a_step_to_the_side_however_low_the_hips_have_sunk(lower: float) -> None:
+    table = Table()  # the camera stands 7 degrees above the level
+    x, y = table.place("pelvis")
+    table.down(1, (x, y))
+    if lower > 0.1:
+        table.drag(1, (x, y + lower / 2.73), 1.0)  # ducks first
+    table.pose(np.array([0.0, FIGURE.rest_positions[0, 1] - lower, 0.0]))
+    table.drag(1, (x + 0.12, table.fingers[1][1]), 0.5)
+    steps = table.stage.received("command")
+    assert len(steps) == 1
+    assert steps[0].goal[0] > 0.45
+    assert abs(steps[0].goal[2]) < 0.12
 
 
 def test_up_and_down_on_the_picture_step_away_from_and_toward_the_viewer() -> None:
