@@ -38,11 +38,10 @@ def run(args: argparse.Namespace) -> int:
     width, height = _size(args.size)
     if not 1 <= args.fps <= 240:
         raise Problem(f"--fps {args.fps}: give 1 to 240", USAGE)
-    script = Path(args.script) if args.script else _own_script()
-    length = _length(script)
+    length = _length(Path(args.script) if args.script else _own_script())
     out.mkdir(parents=True, exist_ok=True)
     bag = out / "bunraku.mcap"
-    _perform(script, bag, length)
+    _perform([f"script:={args.script}"] if args.script else [], bag, length)
     film, sheet, bvh = out / "bunraku.mp4", out / "bunraku.png", out / "bunraku.bvh"
     _film(bag, film, sheet, (width, height), args.fps, args.engine)
     _export(bag, bvh)
@@ -77,7 +76,7 @@ def _size(text: str) -> tuple[int, int]:
     return numbers
 
 
-def _perform(script: Path, bag: Path, length: float) -> None:
+def _perform(words: list[str], bag: Path, length: float) -> None:
     """Run the launch file on a stage of its own; the bar follows the touches that flow."""
     import zmq
 
@@ -86,7 +85,7 @@ def _perform(script: Path, bag: Path, length: float) -> None:
     from bunraku.runtime.topics import TopicReader
 
     stage = f"demo-{os.getpid()}"
-    words = ["launch", "demo", f"script:={script}", f"record:={bag}"]
+    words = ["launch", "demo", *words, f"record:={bag}"]
     log = bag.with_suffix(".log")
     reader = None
     context: zmq.Context[Any] = zmq.Context()

@@ -217,7 +217,8 @@ class DriverHost(Node):
 
     def _latch(self, message: Device) -> None:
         topic = "device/" + (re.sub(r"[^a-z0-9_]+", "_", message.device.lower()).strip("_") or self.kind)
-        topic = f"{topic}_{self.kind}" if message.driver == "web" else topic  # a page is touch, pen and hands at once
+        # A page, and a performance of several files, is touch, pen and hands at once.
+        topic = f"{topic}_{self.kind}" if message.driver in ("web", "script") else topic
         if topic not in self.latches:
             self.latches[topic] = self.advertise(topic, Device)
         self.latches[topic].publish(message)

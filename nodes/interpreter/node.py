@@ -283,12 +283,14 @@ class Interpreter(Node):
     def _say_camera(self) -> None:
         dt = min(max((self.now - self.followed) / SECOND, 0.0), 0.1)
         self.followed = self.now
-        if self.follow and not any(isinstance(c, TouchCore) and c.holds_pelvis for c in self.cores.values()):
+        touching = [core for core in self.cores.values() if isinstance(core, TouchCore) and core.held]
+        if self.follow and not any(core.holds_pelvis for core in touching):
             if not any(pen.holds_picture for pen in self.pens.values()):
                 root = self.scene.positions[0]
                 self.viewer.follow(float(root[0]), float(root[2]), dt)
             for pen in self.pens.values():
-                if pen.drawing is not None:
+                # A finger on the picture leads a part beside the figure: the figure then stays in its place.
+                if pen.drawing is not None and not touching:
                     self.viewer.keep(*pen.drawing, dt, jump=not pen.holds_picture)
         news = self.viewer.news()
         if news is not None:

@@ -15,7 +15,7 @@ from bunraku.msgs import CommandBase, Jump, Locomotion, Pen, Stand, Step
 from bunraku.nodes.interpreter.core import Scene
 from bunraku.nodes.interpreter.pen import PenCore
 from bunraku.nodes.interpreter.pen_ground import in_heading, on_picture
-from bunraku.nodes.interpreter.pen_path import Walk, hurried, lay, minimum_jerk
+from bunraku.nodes.interpreter.pen_path import Walk, hurried, lay
 from bunraku.nodes.interpreter.pen_rules import PenRules
 from bunraku.nodes.interpreter.pen_stroke import StrokePoint
 
