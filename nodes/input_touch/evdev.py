@@ -4,20 +4,26 @@ The kernel tells only what changes, so each slot's state is held; after a lost e
 the slots are asked for (EVIOCGMTSLOTS). Constants and structures are those of ``linux/input.h``.
 """
 
-import array
-import errno
-import fcntl
-import os
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 
 from bunraku.nodes.input_touch.driver import Driver, Frame, Sample
+from bunraku.runtime.linux_input import (
+    EV_ABS,
+    EV_SYN,
+    SYN_DROPPED,
+    SYN_REPORT,
+    EventFile,
+    Range,
+    axis,
+    bits,
+    device_name,
+    find,
+    slots,
+)
 
-EV_SYN, EV_ABS = 0x00, 0x03
-SYN_REPORT, SYN_DROPPED = 0, 3
 ABS_MT_SLOT, ABS_MT_TOUCH_MAJOR, ABS_MT_TOUCH_MINOR, ABS_MT_ORIENTATION = 0x2F, 0x30, 0x31, 0x34
 ABS_MT_POSITION_X, ABS_MT_POSITION_Y, ABS_MT_TRACKING_ID, ABS_MT_PRESSURE = 0x35, 0x36, 0x39, 0x3A
 VALUES = (
@@ -25,19 +31,8 @@ VALUES = (
     ABS_MT_ORIENTATION, ABS_MT_PRESSURE,
 )  # fmt: skip
 PROP_DIRECT = 1
-EVENT = struct.Struct("llHHi")  # seconds, microseconds, type, code, value
 SECOND = 1_000_000_000
 RETRY = 2 * SECOND
-
-
-@dataclass(frozen=True)
-class Range:
-    """What an axis can say."""
-
-    low: int = 0
-    high: int = 0
-    resolution: int = 0
-    """Units per mm; 0 where the device does not know."""
 
 
 @dataclass
@@ -147,147 +142,72 @@ class SlotDecoder:
         return value / per_mm / 1000.0 if per_mm > 0 else None
 
 
-def _ioctl_read(number: int, size: int) -> int:
-    return 2 << 30 | size << 16 | ord("E") << 8 | number
-
-
-def axis(descriptor: int, code: int) -> Range | None:
-    """EVIOCGABS: an axis' range; None where the device has none."""
-    body = bytearray(24)
-    try:
-        fcntl.ioctl(descriptor, _ioctl_read(0x40 + code, 24), body)
-    except OSError:
-        return None
-    _, low, high, _, _, resolution = struct.unpack("6i", body)
-    return Range(low, high, resolution)
-
-
-def bits(descriptor: int, number: int, size: int) -> int:
-    """A bit field of the device (EVIOCGBIT, EVIOCGPROP) as one number; 0 where it cannot be read."""
-    body = bytearray(size)
-    try:
-        fcntl.ioctl(descriptor, _ioctl_read(number, size), body)
-    except OSError:
-        return 0
-    return int.from_bytes(body, "little")
-
-
-def device_name(descriptor: int) -> str:
-    """EVIOCGNAME."""
-    body = bytearray(128)
-    try:
-        fcntl.ioctl(descriptor, _ioctl_read(0x06, 128), body)
-    except OSError:
-        return "touch device"
-    return bytes(body).split(b"\0")[0].decode("utf-8", "replace") or "touch device"
-
-
-def slots(descriptor: int, count: int) -> dict[int, dict[int, int]]:
-    """EVIOCGMTSLOTS: every slot's values."""
-    found: dict[int, dict[int, int]] = {slot: {} for slot in range(count)}
-    for code in VALUES:
-        body = array.array("i", [code] + [0] * count)
-        try:
-            fcntl.ioctl(descriptor, _ioctl_read(0x0A, 4 * (count + 1)), body, True)
-        except OSError:
-            continue
-        for slot in range(count):
-            found[slot][code] = body[slot + 1]
-    return found
-
-
 class EvdevDriver(Driver):
     """Reads one touch device of the kernel; waits for it where it is not there, and again when it is unplugged."""
 
     name = "evdev"
 
     def open(self) -> None:
-        self.descriptor = -1
+        self.file: EventFile | None = None
         self.device = "evdev"
         self.next_try = 0
         self.complaint = ""
         self._connect()
 
     def keep(self, now: int) -> None:
-        if self.descriptor < 0 and now >= self.next_try:
+        if self.file is None and now >= self.next_try:
             self.next_try = now + RETRY
             self._connect()
 
     def close(self) -> None:
         self._disconnect()
 
-    def _complain(self, text: str) -> None:
-        if text != self.complaint:
-            self.complaint = text
-            self.host.log.warning("evdev: %s; tried again every %d s", text, RETRY // SECOND)
-
     def _connect(self) -> None:
         wanted = str(self.host.option("evdev"))
-        paths = [wanted] if wanted else sorted(map(str, Path("/dev/input").glob("event*")))
-        denied = 0
-        for path in paths:
-            try:
-                descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-            except OSError as error:
-                if error.errno == errno.EACCES:
-                    denied += 1
-                elif wanted:
-                    self._complain(f"{path}: {error.strerror}; give parameter evdev the path of a touch device")
-                continue
-            count = axis(descriptor, ABS_MT_SLOT)
-            direct = bits(descriptor, 0x09, 8) >> PROP_DIRECT & 1
-            if count is None or not (wanted or direct):
-                os.close(descriptor)
-                if wanted:
-                    self._complain(f"{path} is no multi-touch device; give parameter evdev another path")
-                continue
-            self._take(descriptor, path, count.high + 1)
-            return
-        if denied:
-            self._complain(f"no permission for {wanted or paths[0]}; sudo usermod -aG input $USER, then log in again")
-        elif not wanted:
-            self._complain("no touch screen found; plug one in or give parameter evdev its path")
 
-    def _take(self, descriptor: int, path: str, count: int) -> None:
+        def fits(descriptor: int) -> bool:
+            direct = bits(descriptor, 0x09, 8) >> PROP_DIRECT & 1
+            return axis(descriptor, ABS_MT_SLOT) is not None and bool(wanted or direct)
+
+        found = find(wanted, fits, "multi-touch device")
+        if isinstance(found, EventFile):
+            self._take(found)
+        elif found != self.complaint:
+            self.complaint = found
+            self.host.log.warning("evdev: %s; tried again every %d s", found, RETRY // SECOND)
+
+    def _take(self, file: EventFile) -> None:
+        descriptor = file.descriptor
+        count = axis(descriptor, ABS_MT_SLOT)
+        assert count is not None
         ranges = {code: one for code in VALUES if (one := axis(descriptor, code)) is not None}
-        self.descriptor = descriptor
-        self.decoder = SlotDecoder(ranges, lambda: slots(descriptor, count))
-        self.device = f"evdev-{Path(path).name}"
-        self.complaint = ""
-        self.rest = b""
+        self.file, self.complaint = file, ""
+        self.decoder = SlotDecoder(ranges, lambda: slots(descriptor, count.high + 1, VALUES))
+        self.device = f"evdev-{Path(file.path).name}"
         self.host.connected(
-            self.device, size_m=self.decoder.size_m, fields=self.decoder.fields, note=device_name(descriptor)
-        )
+            self.device, size_m=self.decoder.size_m, fields=self.decoder.fields,
+            note=device_name(descriptor, "touch device"),
+        )  # fmt: skip
         self.host.add_reader(descriptor, self._read)
 
     def _disconnect(self, note: str = "") -> None:
-        if self.descriptor < 0:
+        file, self.file = self.file, None
+        if file is None:
             return
-        self.host.remove_reader(self.descriptor)
-        os.close(self.descriptor)
-        self.descriptor = -1
+        self.host.remove_reader(file.descriptor)
+        file.close()
         if note:
             self.host.gone(self.device, note)
 
     def _read(self) -> None:
-        while self.descriptor >= 0:
-            try:
-                body = os.read(self.descriptor, EVENT.size * 256)
-            except BlockingIOError:
-                return
-            except OSError as error:
-                self._disconnect(f"unplugged: {error.strerror}")
-                return
-            if not body:
-                self._disconnect("unplugged")
-                return
-            body = self.rest + body
-            whole = len(body) - len(body) % EVENT.size
-            self.rest = body[whole:]
-            for seconds, micros, kind, code, value in EVENT.iter_unpack(body[:whole]):
+        if self.file is None:
+            return
+        try:
+            for origin, kind, code, value in self.file.events():
                 live = self.decoder.event(kind, code, value)
                 if live is not None:
-                    origin = seconds * SECOND + micros * 1000
                     # A clock that is not the wall's (a test, an odd driver) says nothing about when.
                     near = abs(self.host.clock() - origin) < 60 * SECOND
                     self.host.frame(Frame(self.device, live, origin if near else self.host.clock()))
+        except OSError as error:
+            self._disconnect(f"unplugged: {error.strerror}")
