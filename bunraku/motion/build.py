@@ -20,6 +20,8 @@ from bunraku.motion.build_edit import (
     levelled,
     marched,
     repeated,
+    slowed,
+    spun,
     step_flags,
     stepping,
     there_and_back,
@@ -119,6 +121,10 @@ def _edited(piece: Piece, clip: Clip, flags: Flags, keys: Array) -> tuple[Clip, 
     if piece.lift and len(keys) == 6:
         flags = step_flags(flags, keys, clip.fps, 1 if piece.module.endswith("right") else 0)
         clip = stepping(clip, flags, piece.lift)
+    if piece.turn:
+        clip = spun(clip, flags, float(np.radians(piece.turn)), float(keys[1]), float(keys[4]))
+    if piece.slow:
+        clip = slowed(clip, min(max(piece.slow, 0.0), 1.0))
     if piece.march:
         clip = marched(clip, flags, piece.march)
     if piece.tilt or piece.bend:

@@ -40,7 +40,7 @@ def choose(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
         out += _standing(stands)
     out += _steps(found, stands, notes)
     out += _jumping(found, notes)
-    out += _turning(found, notes)
+    out += _turning(found, stands, notes)
     out += _canonical(walks, found)
     return out
 
@@ -90,6 +90,10 @@ def _locomotion(walks: list[Found], notes: list[str]) -> list[Piece]:
     b = base.piece
     slow, fast = base, max(straight or [base], key=lambda w: w.values[0] - 8.0 * w.quality)
     made: list[tuple[str, Piece]] = []
+    if straight and values[:, 0].min() > 0.2:
+        upright = [w for w in straight if w.values[3] < 0.35 and w.values[4] < 0.5] or straight
+        s = min(upright, key=lambda w: abs(w.values[0] - 0.8) + 4.0 * w.quality + (0.3 if w.piece.made else 0.0))
+        made += [("slow", replace(s.piece, name=f"{s.piece.name}_in_place", slow=1.0))]
     if values[:, 2].max() < 0.2:
         made += [("tilt", replace(b, name=f"{b.name}_tilt_left", tilt=20.0))]
     if values[:, 2].min() > -0.2:
@@ -105,7 +109,7 @@ def _locomotion(walks: list[Found], notes: list[str]) -> list[Piece]:
         made += [("tilt", replace(f, name=f"{f.name}_tilt_left", tilt=14.0)),
                  ("tilt", replace(f, name=f"{f.name}_tilt_right", tilt=-14.0))]  # fmt: skip
     if made:
-        notes.append(f"locomotion: made by layering: {', '.join(p.name for _, p in made)}")
+        notes.append(f"locomotion: made by editing: {', '.join(p.name for _, p in made)}")
     return pieces + [piece for _, piece in made]
 
 
@@ -126,6 +130,11 @@ def _standing(stands: list[Found]) -> list[Piece]:
 
 STEP_TIMES = (0.0, 0.12, 0.52, 0.60, 1.00, 1.20)
 """s of a step made from standing: begin, the leading foot off and down, the other one off and down, end."""
+
+TURN_TIMES = (0.0, 0.12, 0.45, 0.52, 0.85, 1.05)
+"""s of a turn made from standing, likewise."""
+SMALL_TURNS = (10.0, 45.0, 90.0)
+"""degrees"""
 
 
 def _steps(found: dict[str, list[Found]], stands: list[Found], notes: list[str]) -> list[Piece]:
@@ -189,9 +198,10 @@ def _jumping(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
     return out
 
 
-def _turning(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
-    """Turns to both sides; those of one side mirrored where the other has too few."""
+def _turning(found: dict[str, list[Found]], stands: list[Found], notes: list[str]) -> list[Piece]:
+    """Turns to both sides; those of one side mirrored where the other has too few, small ones made from standing."""
     out: list[Piece] = []
+    base = min(stands, key=lambda s: s.quality).piece if stands else None
     for module, other in (("turn_left", "turn_right"), ("turn_right", "turn_left")):
         mine = spread(found.get(module, []), COUNTS[module], np.array([0.5]))
         made: list[tuple[float, Piece]] = []
@@ -202,9 +212,16 @@ def _turning(found: dict[str, list[Found]], notes: list[str]) -> list[Piece]:
             if all(abs(angle - float(m.values[0])) > 0.3 for m in mine) and all(abs(angle - a) > 0.3 for a, _ in made):
                 piece = replace(f.piece, module=module, name=f"{f.piece.name}_mirrored", mirrored=not f.piece.mirrored)
                 made.append((angle, piece))
-        if mine or made:
-            out += [f.piece for f in mine] + [piece for _, piece in made]
-            notes.append(f"{module}: {len(mine)} captured, {len(made)} mirrored")
+        sign = 1.0 if module == "turn_left" else -1.0
+        angles = [abs(float(f.values[0])) for f in mine] + [abs(angle) for angle, _ in made]
+        small = [
+            replace(base, module=module, name=f"{module}_{angle:.0f}", keys=TURN_TIMES, turn=sign * angle, lift=0.05)
+            for angle in SMALL_TURNS
+            if base is not None and np.radians(angle) < min(angles, default=np.pi) - 0.3
+        ]
+        if mine or made or small:
+            out += [f.piece for f in mine] + [piece for _, piece in made] + small
+            notes.append(f"{module}: {len(mine)} captured, {len(made)} mirrored, {len(small)} made from standing")
     return out
 
 

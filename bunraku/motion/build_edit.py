@@ -16,6 +16,7 @@ from bunraku.motion.analysis_contacts import Flags, floor_height, runs, sole_poi
 from bunraku.motion.body import leg_length
 from bunraku.motion.clip import Clip, local, world
 from bunraku.motion.leg import move_leg
+from bunraku.motion.parameters import cycle_path
 
 Array = NDArray[np.float64]
 
@@ -239,6 +240,45 @@ def marched(clip: Clip, flags: Flags, lift: float) -> Clip:
             level = rot.mul(rot.yaw(heading[first:last]), rot.axis_angle([1.0, 0.0, 0.0], 0.5 * up))
             feet[first:last, foot] = rot.slerp(feet[first:last, foot], level, 0.7 * up)
     return with_legs(clip, ankles, feet)
+
+
+def slowed(clip: Clip, share: float) -> Clip:
+    """A straight walking cycle that gets less far: ``share`` (0..1) of its way is taken out, 1 walks in place.
+
+    The feet's way ahead and back under the body shrinks with it, so that planted feet stand as before; they come
+    down flatter.
+    """
+    path = cycle_path(clip.roots[:, [0, 2]], np.unwrap(rot.heading(clip.rotations[:, 0])), clip.fps)
+    keep = 1.0 - share
+    ahead = np.stack([np.sin(path.directions), np.zeros(len(clip)), np.cos(path.directions)], axis=1)
+    base = np.stack([path.places[:, 0], np.zeros(len(clip)), path.places[:, 1]], axis=1)
+    ankles, feet = feet_of(clip)
+    middle = float(np.mean([np.sum((ankles[:, foot] - base) * ahead, axis=1) for foot in range(2)]))
+    back = share * (base - base[0])
+    for foot in range(2):
+        far = np.sum((ankles[:, foot] - base) * ahead, axis=1) - middle
+        ankles[:, foot] -= back + share * far[:, None] * ahead
+        level = rot.mul(rot.yaw(path.directions), rot.yaw(rot.heading(feet[:, foot]) - path.directions))
+        feet[:, foot] = rot.slerp(level, feet[:, foot], np.full(len(clip), 0.35 + 0.65 * keep))
+    flat = with_legs(replace(clip, roots=clip.roots - back), ankles, feet)
+    return replace(flat, roots=flat.roots - np.array([0.0, floor_height(flat), 0.0]))
+
+
+def spun(clip: Clip, flags: Flags, angle: float, off: float, land: float) -> Clip:
+    """Turned on the spot by ``angle`` (rad to the left) on the way: the body from before ``off`` (s) to after
+    ``land``, each foot while it is in the air."""
+    times = np.arange(len(clip)) / clip.fps
+    middle = clip.roots[0] * np.array([1.0, 0.0, 1.0])
+    body = rot.yaw(angle * _eased(times, max(off - 0.08, 0.0), min(land + 0.08, clip.duration)))
+    rotations = np.array(clip.rotations)
+    rotations[:, 0] = rot.mul(body, rotations[:, 0])
+    ankles, feet = feet_of(clip)
+    for foot in range(2):
+        own = rot.yaw(angle * _air_share(flags[:, foot], times, off, land))
+        ankles[:, foot] = middle + rot.rotate(own, ankles[:, foot] - middle)
+        feet[:, foot] = rot.mul(own, feet[:, foot])
+    roots = middle + rot.rotate(body, clip.roots - middle)
+    return with_legs(replace(clip, roots=roots, rotations=rotations), ankles, feet)
 
 
 def closed(clip: Clip) -> Clip:

@@ -16,7 +16,8 @@ HEAD = """\
 # mirrored: left and right exchanged. tilt, bend: degrees added, left and forward. duck: added, in 0.4 leg lengths.
 # angle, distance: carried that way (degrees to the left, metres). march: feet lifted higher, in leg lengths.
 # lift: metres that the feet are lifted to step from standing, at the keys of a step. calm: 1 lets the arms hang.
-# back: the loop is played there and back.
+# back: the loop is played there and back. slow: share (0..1) of a straight walk's way that is taken out.
+# turn: degrees to the left that standing feet step around, at the keys of a turn.
 """
 
 
@@ -42,6 +43,8 @@ class Piece:
     march: float = 0.0
     calm: float = 0.0
     lift: float = 0.0
+    slow: float = 0.0
+    turn: float = 0.0
     back: bool = False
 
     @property
@@ -50,7 +53,9 @@ class Piece:
         return (
             self.mirrored
             or self.back
-            or any((self.tilt, self.bend, self.duck, self.distance, self.march, self.calm, self.lift))
+            or any(
+                (self.tilt, self.bend, self.duck, self.distance, self.march, self.calm, self.lift, self.slow, self.turn)
+            )
         )
 
     @property
@@ -151,7 +156,7 @@ def _piece(row: dict[str, Any], at: str) -> Piece:
         values[key] = row.get(key, False)
     if values["back"] and "loop" not in values:
         raise RecipeError(f"{at}: back needs a loop to play there and back")
-    for key in ("tilt", "bend", "duck", "angle", "distance", "march", "calm", "lift"):
+    for key in ("tilt", "bend", "duck", "angle", "distance", "march", "calm", "lift", "slow", "turn"):
         value = row.get(key, 0.0)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 360.0:
             raise RecipeError(f"{at}: {key} must be a number within -360..360")

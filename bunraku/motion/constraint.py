@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 SPACING = 0.02  # m between the points of a path
-PLACE_WIDTH = 0.06  # m, standard deviation of the smoothing of a path's places
-HEADING_WIDTH = 0.22  # m, of its tangent
+PLACE_WIDTH = 0.14  # m, standard deviation of the smoothing of a path's places; arcs keep their radius
+FLOW_WIDTH = 0.10  # m, of its tangent
+HEADING_WIDTH = 0.24  # m, of the tangent's angle: how early and long a body turns at a corner
 STYLE_WIDTH = 0.20  # m, of speed and posture along it
 LONGEST = 2000.0  # m
 
@@ -54,11 +55,16 @@ class Path:
         k = k + 1 if t > 0.5 and k + 1 < len(self.places) else k
         return float(self.bends[k]), float(self.speeds[k]), self.postures[k]
 
-    def sharpest(self, s: float, ahead: float) -> float:
-        """The largest bend (rad/m, without sign) from ``s`` to ``ahead`` metres on."""
-        first, _ = self._at(s)
-        last, _ = self._at(s + ahead)
-        return float(np.abs(self.bends[first : last + 2]).max())
+    def limits(self, turning: float, brake: float) -> Array:
+        """(n,) m/s: how fast it may be gone at each point, turning by ``turning`` (rad/s) at most in its bends and
+        slowing down by ``brake`` (m/s²) toward them."""
+        squares = (turning / np.maximum(np.abs(self.bends), 1e-6)) ** 2
+        room = 2.0 * brake * SPACING * np.arange(len(squares))
+        return np.sqrt(np.minimum.accumulate((squares + room)[::-1])[::-1] - room)
+
+    def point(self, s: float) -> int:
+        """Index of the point at or just before arc length ``s``."""
+        return self._at(s)[0]
 
     def nearest(self, x: float, z: float) -> float:
         """Arc length of the place nearest to (x, z)."""
@@ -114,9 +120,10 @@ def path_of(
     at = np.append(np.arange(int(total / SPACING - 1e-9) + 1) * SPACING, total)
     count = len(at)
     raw = np.stack([np.interp(at, lengths, drawn[:, k]) for k in range(2)], -1)
-    places = _smoothed(raw, PLACE_WIDTH)
-    flow = np.gradient(_smoothed(raw, HEADING_WIDTH), at, axis=0)
-    headings = np.unwrap(np.arctan2(flow[:, 0], flow[:, 1]))
+    once = _smoothed(raw, PLACE_WIDTH)
+    places = 2.0 * once - _smoothed(once, PLACE_WIDTH)  # what a Gaussian would draw arcs in by is taken back
+    flow = np.gradient(_smoothed(raw, FLOW_WIDTH), at, axis=0)
+    headings = _smoothed(np.unwrap(np.arctan2(flow[:, 0], flow[:, 1]))[:, None], HEADING_WIDTH)[:, 0]
     bends = np.gradient(headings, at)
     pace = np.interp(at, lengths, np.where(np.isfinite(wanted), wanted, 0.0))
     given = np.interp(at, lengths, np.isfinite(wanted).astype(float))

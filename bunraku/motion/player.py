@@ -40,7 +40,8 @@ class Pace:
     hurry: float = 0.14  # s, half-life of a change of speed
     bearing: float = 0.20  # s, half-life of finding back to a path
     posture: float = 0.12  # s, half-life of a change of posture
-    turning: float = 2.0  # rad/s at most along a path
+    turning: float = 3.0  # rad/s at most along a path
+    slow_in: float = 2.4  # m/s², toward its bends
     aside: float = 0.9  # rad: a standing figure that has to start farther off its heading than this turns first
     switch: float = 0.11  # s, half-life of a transition
     fade: float = 0.25  # s, of a transition by the (n+1)-th example
@@ -131,6 +132,7 @@ class Player:
         self.activity: Literal["stand", "go", "move"] = "stand"
         self.path: Path | None = None
         self._pack: tuple[Path, float, list[Any]] | None = None
+        self._limits: tuple[Path, Array] | None = None
         self.s = 0.0
         self.speed = 0.0
         self.gait = ""
@@ -193,7 +195,7 @@ class Player:
         if not going:
             self._slip_speed[:] = 0.0
             self.speed = 0.0
-            self.activity = "go"
+            self.activity, self._move = "go", None
             first = 0.5 if wrapped(ph - heading) > 0.0 else 0.0  # the inner foot goes first
             self._switch(self._going(), self._asked_on_path(0.0), first)
         elif self._voice is not self._going():
@@ -248,6 +250,13 @@ class Player:
     def free(self) -> bool:
         """Whether another activity may begin now: nothing runs but standing."""
         return self.activity == "stand"
+
+    @property
+    def over(self) -> bool:
+        """Whether a step or turn has both feet down again, so that walking may follow at once."""
+        if self.activity != "move" or not self._voice.name.startswith(("step_", "turn_")):
+            return False
+        return self.u >= float(self._voice.table.generic[-2])
 
     @property
     def waiting(self) -> bool:
@@ -325,8 +334,10 @@ class Player:
         if self.gait:
             wanted = min(wanted, 1.15 * natural)
         wanted = min(wanted, pace.most * sqrt(self.scale))
-        sharp = path.sharpest(self.s, 0.35 * self.scale)
-        wanted = min(wanted, pace.turning / max(sharp, 1e-6))
+        if self._limits is None or self._limits[0] is not path:
+            self._limits = (path, path.limits(pace.turning / sqrt(self.scale), pace.slow_in))
+        # Speed follows with a lag, so it is asked for a little ahead.
+        wanted = min(wanted, float(self._limits[1][path.point(self.s + 0.15 * self.speed)]))
         change = (1.0 - exp(-LN2 * dt / pace.hurry)) * (wanted - self.speed)
         # The first steps begin under the body: a figure that starts faster would leave its feet behind.
         self.speed += min(change, pace.start * (1.0 + 0.6 * max(self.speed - 1.0, 0.0)) * dt)

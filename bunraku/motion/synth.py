@@ -65,7 +65,7 @@ _STAND: tuple[tuple[str, float, float, float], ...] = (
 
 _STEP_ANGLES = (0.0, 45.0, 90.0, 135.0, 180.0)
 _STEP_NEAR, _STEP_FAR = 0.30, (0.70, 0.62, 0.55, 0.52, 0.50)
-_TURNS = (8.0, 40.0, 75.0, 110.0)
+_TURNS = (8.0, 40.0, 75.0, 110.0, 145.0)
 _JUMP_HEIGHTS = (0.20, 0.36, 0.52)
 # module: directions (degrees, left positive), (distance, height) m
 _JUMPS: dict[str, tuple[tuple[float, ...], tuple[tuple[float, float], ...]]] = {

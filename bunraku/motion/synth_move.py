@@ -178,11 +178,14 @@ def _two_steps(name: str, frame: Frame, lead: int, way: Array, angle: float) -> 
     """Both feet, one after the other, to the standing place that is moved by ``way`` and turned by ``angle``."""
     size, slow = frame.length, frame.time
     far = float(np.hypot(way[0], way[2])) / size
-    air = 0.34 + 0.16 * min(far, 1.0) + 0.10 * min(abs(angle), 2.0)
-    off, strike = 0.24, 0.24 + air
-    off2 = strike + 0.10
+    # People turn on the spot faster than they step aside.
+    off, air, gap, calm = 0.24, 0.34 + 0.16 * min(far, 1.0), 0.10, 0.30
+    if angle:
+        off, air, gap, calm = 0.20, 0.29 + 0.04 * min(abs(angle), 2.6), 0.07, 0.25
+    strike = off + air
+    off2 = strike + gap
     strike2 = off2 + air * 0.92
-    end = strike2 + 0.30
+    end = strike2 + calm
     keys = np.array([0.0, off, strike, off2, strike2, end]) * slow
     frames = round(keys[-1] * FPS)
     keys *= frames / FPS / keys[-1]

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, sin
-from typing import Any
+from typing import Any, TypeGuard
 
 import msgspec
 import numpy as np
@@ -152,7 +152,7 @@ class BlenderCore:
             return
         if isinstance(command, Stand):
             self._stand(command)
-        elif isinstance(command, Locomotion) or (isinstance(command, WalkGesture) and _cyclic(command)):
+        elif _walks(command):
             self._walk(command)
         elif command.id in self.done or command.id == self.current:
             return
@@ -241,12 +241,10 @@ class BlenderCore:
                 self._finish(command.id)
             return
         if self.walk is None and player.free:
-            s = path.nearest(player.place.x, player.place.z)
-            _, _, toward = path.at(s + 0.10)
-            aside = wrapped(toward - player.place.heading)
+            aside = self._aside(path)
             if abs(aside) > ASIDE and "turn_left" in player.voices and "turn_right" in player.voices:
                 self.waiting.insert(0, command)
-                self._turn(toward)
+                self._turn(player.place.heading + aside)
                 return
         heading = command.heading if isinstance(command, Locomotion) else None
         self.walk = _Walk(command.id, gait, path.end, heading)
@@ -267,6 +265,21 @@ class BlenderCore:
         if self.player.free:
             self._ended()
             self._begin()
+        elif self.player.over and self._walk_next():
+            self._begin()
+
+    def _walk_next(self) -> bool:
+        """Whether a walk waits that need not wait for a step's or turn's last calm, because it leads on ahead."""
+        if self.walk is not None or not self.waiting or not _walks(self.waiting[0]):
+            return False
+        path = self._path(self.waiting[0])
+        return path is not None and abs(self._aside(path)) <= ASIDE
+
+    def _aside(self, path: Path) -> float:
+        """How far (rad, to the left) a path begins off the figure's heading."""
+        here = self.player.place
+        _, _, toward = path.at(path.nearest(here.x, here.z) + 0.10)
+        return wrapped(toward - here.heading)
 
     def _ended(self) -> None:
         walk = self.walk
@@ -290,11 +303,12 @@ class BlenderCore:
     def _begin(self) -> None:
         """Begin the next command when nothing runs; commands that are fulfilled already are passed over."""
         for _ in range(2 * MOST_WAITING):
-            if not self.player.free or self.walk is not None or not self.waiting:
+            ready = self.player.free or (self.player.over and self._walk_next())
+            if not ready or self.walk is not None or not self.waiting:
                 return
             command = self.waiting.pop(0)
             self.current = None
-            if isinstance(command, Locomotion) or (isinstance(command, WalkGesture) and _cyclic(command)):
+            if _walks(command):
                 path = self._path(command)
                 if path is not None:
                     self._follow(command, path, command.gait if isinstance(command, WalkGesture) else "")
@@ -486,8 +500,11 @@ class BlenderCore:
             raise ValueError(f"not a saved blender: {error}") from None
 
 
-def _cyclic(command: WalkGesture) -> bool:
-    return command.gait in ("walk", "jog", "run", "sneak", "march")
+def _walks(command: Command) -> TypeGuard[Locomotion | WalkGesture]:
+    """Whether a command leads along a path, cycle by cycle."""
+    if isinstance(command, WalkGesture):
+        return command.gait in ("walk", "jog", "run", "sneak", "march")
+    return isinstance(command, Locomotion)
 
 
 __all__ = ["BlenderCore", "joints_of"]

@@ -27,6 +27,32 @@ def test_a_circle_has_its_tangent_and_bend():
         assert path.style(s)[0] == pytest.approx(0.5, abs=0.02)
 
 
+def test_arcs_keep_their_radius_and_corners_are_rounded():
+    t = np.linspace(0.0, np.pi, 300)
+    path = path_of(np.stack([1.0 - np.cos(t), np.sin(t)], -1))
+    for s in (1.0, 1.5, 2.0):
+        x, z, _ = path.at(s)
+        assert np.hypot(x - 1.0, z) == pytest.approx(1.0, abs=0.001)
+    corner = path_of([[0, 0], [0, 2], [2, 2]])
+    x, z, heading = corner.at(2.0)
+    assert np.hypot(x, z - 2.0) == pytest.approx(0.045, abs=0.01)
+    assert heading == pytest.approx(np.pi / 4, abs=0.02)
+    assert np.abs(corner.bends).max() < 2.6
+
+
+@given(st.floats(0.3, 3.1), st.floats(0.5, 4.0), st.floats(0.5, 4.0))
+@settings(max_examples=40, deadline=None)
+def test_bends_limit_the_speed_and_are_braked_for(angle, turning, brake):
+    path = path_of([[0, 0], [0, 2], [2 * np.sin(angle), 2 + 2 * np.cos(angle)]])
+    limits = path.limits(turning, brake)
+    assert (limits * np.abs(path.bends) <= turning * (1 + 1e-9)).all()
+    squares = limits**2
+    assert (squares[:-1] - squares[1:] <= 2.0 * brake * 0.02 * (1 + 1e-6) + 1e-9 * squares[:-1]).all()
+    slowest = turning / np.abs(path.bends).max()
+    assert limits.min() == pytest.approx(slowest)
+    assert limits[path.point(0.5)] > slowest
+
+
 def test_ends_stay_where_they_were_drawn():
     random = np.random.default_rng(1)
     drawn = np.cumsum(random.normal(0.02, 0.03, (150, 2)), axis=0)
@@ -42,7 +68,7 @@ def test_what_was_drawn_stays_while_the_path_grows(seed, more):
     heading = np.cumsum(random.normal(0.0, 0.08, 150))
     drawn = np.cumsum(0.03 * np.stack([np.sin(heading), np.cos(heading)], -1), axis=0)
     short, long = path_of(drawn[:-more]), path_of(drawn)
-    for s in np.linspace(0.0, max(short.end - 0.7, 0.0), 9):
+    for s in np.linspace(0.0, max(short.end - 1.1, 0.0), 9):
         np.testing.assert_allclose(short.at(float(s)), long.at(float(s)), atol=1e-6)
 
 
