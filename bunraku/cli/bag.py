@@ -69,14 +69,19 @@ def add(parser: argparse.ArgumentParser) -> None:
     recover.add_argument("-o", "--output", metavar="OUT", required=True, help="the bag to write")
     recover.add_argument("--overwrite", action="store_true", help="replace a bag that exists")
 
-    export = what("export", "write the pose as BVH, or messages as JSON lines")
-    form = export.add_mutually_exclusive_group(required=True)
-    form.add_argument("--bvh", metavar="OUT", help="the figure's motion")
-    form.add_argument(
+    export = what("export", "write the motion as BVH, glTF or a film, or messages as JSON lines")
+    export.add_argument("--bvh", metavar="OUT", help="the figure's motion, for animation programs")
+    export.add_argument("--glb", metavar="OUT", help="the moving figure with its mesh, as binary glTF 2.0")
+    export.add_argument("--mp4", metavar="OUT", help="a film of what the renderer shows")
+    export.add_argument(
         "--json", metavar="OUT", nargs="?", const="-", help="one JSON object a line and message (-: print)"
     )
-    export.add_argument("--topic", action="append", metavar="TOPIC", help="name or pattern (BVH: pose; JSON: all)")
-    export.add_argument("--fps", type=above_zero, default=60.0, metavar="N", help="of the BVH (default: 60)")
+    export.add_argument(
+        "--topic", action="append", metavar="TOPIC", help="name or pattern (default: pose; film: every pose; JSON: all)"
+    )
+    export.add_argument("--fps", type=above_zero, default=60.0, metavar="N", help="frames a second (default: 60)")
+    export.add_argument("--size", default="1280x720", metavar="WxH", help="of the film (default: 1280x720)")
+    export.add_argument("--engine", choices=["auto", "gl", "pillow"], default="auto", help="what draws the film")
     export.add_argument("--overwrite", action="store_true", help="replace files that exist")
 
     check = what("check", "step today's code by the recorded journal and compare what it says")
@@ -180,9 +185,9 @@ def _play(args: argparse.Namespace) -> int:
 
 
 def _export(args: argparse.Namespace) -> int:
-    from bunraku.cli.bag_export import export_bvh, export_json
+    from bunraku.cli.bag_export import export
 
-    return export_bvh(args) if args.bvh is not None else export_json(args)
+    return export(args)
 
 
 def _check(args: argparse.Namespace) -> int:

@@ -9,15 +9,11 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bunraku.cli import USAGE, Problem
-
-if TYPE_CHECKING:
-    from bunraku.msgs import Message
-    from bunraku.runtime.bag import Bag
+from bunraku.cli.bag_film import fps_of, size_of
 
 PATIENCE = 600.0
 """s that the stack may take until the first touch: the kernels may have to be compiled first."""
@@ -35,9 +31,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Perform, film, export, and say where everything is."""
     out = Path(args.out)
-    width, height = _size(args.size)
-    if not 1 <= args.fps <= 240:
-        raise Problem(f"--fps {args.fps}: give 1 to 240", USAGE)
+    width, height = size_of(args.size)
+    fps_of(args.fps)
     length = _length(Path(args.script) if args.script else _own_script())
     out.mkdir(parents=True, exist_ok=True)
     bag = out / "bunraku.mcap"
@@ -64,16 +59,6 @@ def _length(script: Path) -> float:
         return load(script).length
     except PerformanceError as error:
         raise Problem(str(error), USAGE) from None
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, cross, height = text.partition("x")
-    if not cross or not width.isdigit() or not height.isdigit():
-        raise Problem(f"--size {text!r}: write it like 1280x720", USAGE)
-    numbers = int(width), int(height)
-    if not all(64 <= number <= 4096 and number % 2 == 0 for number in numbers):
-        raise Problem(f"--size {text}: even numbers from 64 to 4096", USAGE)
-    return numbers
 
 
 def _perform(words: list[str], bag: Path, length: float) -> None:
@@ -124,34 +109,12 @@ def _perform(words: list[str], bag: Path, length: float) -> None:
 
 
 def _film(bag: Path, film: Path, sheet: Path, size: tuple[int, int], fps: int, engine: str) -> None:
+    from bunraku.cli import bag_film
     from bunraku.cli.progress import Progress
-    from bunraku.nodes.renderer.film import Shots, make_film, wanted
-    from bunraku.nodes.renderer.opengl import NoOpenGL
-    from bunraku.runtime.bag import Bag
+    from bunraku.nodes.renderer.film import Shots
 
-    with Bag(bag) as opened:
-        start, end = opened.start, opened.end
-        topics = wanted(list(opened.channels), [""])
-        if start is None or end is None or not topics:
-            raise Problem(f"{bag} holds nothing to film")
-        shots = Shots(output=film, sheet=sheet, width=size[0], height=size[1], fps=fps)
-        whole = (end - start) / 1e9 * fps
-        with Progress("filming") as bar:
-            try:
-                make_film(_messages(opened, topics), shots, engine=engine, progress=lambda done: bar(done, whole))
-            except NoOpenGL as error:
-                raise Problem(f"{error}; or film with --engine pillow") from None
-
-
-def _messages(bag: "Bag", topics: list[str]) -> "Iterator[tuple[int, str, Message]]":
-    from bunraku.msgs import InvalidMessage, decode
-    from bunraku.runtime.bag.format import kind_for
-
-    for entry in bag.messages(topics):
-        try:
-            yield entry.received, entry.topic, decode(kind_for(bag.channels[entry.topic]).type, entry.body)
-        except InvalidMessage:
-            continue
+    with Progress("filming") as bar:
+        bag_film.film(bag, Shots(output=film, sheet=sheet, width=size[0], height=size[1], fps=fps), engine, bar)
 
 
 def _export(bag: Path, bvh: Path) -> None:

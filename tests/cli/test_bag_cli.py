@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -168,6 +169,76 @@ def test_export_bvh_says_what_is_missing(take: Path, tmp_path: Path, capsys: pyt
     assert "exists already" in refused(two, "--topic", "bob/pose")
 
 
+def test_export_glb_is_read_by_another_reader(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import trimesh
+
+    out = tmp_path / "take.glb"
+    assert main(["bag", "export", str(take), "--glb", str(out), "--fps", "50"]) == 0
+    assert "100 frames, 1.98 s of pose" in capsys.readouterr().out
+    scene = trimesh.load(out)
+    (mesh,) = scene.geometry.values()
+    height = mesh.bounds[1][1] - mesh.bounds[0][1]
+    assert len(mesh.faces) > 3000
+    assert 1.6 < height < 1.9
+    assert {"hips", "left_hand", "head"} <= set(scene.graph.nodes)
+    assert mesh.visual.vertex_attributes["color"][:, :3].std() > 0.05 * mesh.visual.vertex_attributes["color"].max()
+    document = json.loads(out.read_bytes()[20 : 20 + int.from_bytes(out.read_bytes()[12:16], "little")])
+    (animation,) = document["animations"]
+    times = document["accessors"][animation["samplers"][0]["input"]]
+    assert (times["count"], times["max"][0]) == (100, pytest.approx(1.98))
+
+
+def test_export_all_at_once_and_a_film_that_is_not_dark(
+    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import av
+
+    monkeypatch.setenv("BUNRAKU_PROGRESS", "lines")
+    monkeypatch.setattr("bunraku.cli.progress.EVERY", 0.0)
+    names = {form: str(tmp_path / f"take.{form}") for form in ("bvh", "glb", "mp4")}
+    words = [word for form, name in names.items() for word in (f"--{form}", name)]
+    words += ["--fps", "25", "--size", "320x240", "--engine", "pillow"]
+    assert main(["bag", "export", str(take), *words]) == 0
+    told = capsys.readouterr()
+    assert all(name in told.out for name in names.values())
+    shares = [int(share) for share in re.findall(r"^filming (\d+)%$", told.err, re.M)]
+    assert shares == sorted(shares)
+    assert shares[-1] >= 95
+    with av.open(names["mp4"]) as film:
+        frames = [frame.to_ndarray(format="rgb24").astype(float) for frame in film.decode(video=0)]
+    assert len(frames) == pytest.approx(50, abs=2)
+    assert frames[0].shape == (240, 320, 3)
+    for frame in frames:
+        assert frame.mean() > 100
+        assert frame.std() > 10
+    assert np.abs(frames[-1] - frames[0]).max() > 60  # the figure moves
+    assert main(["bag", "export", str(take), *words]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_film_shows_every_figure_or_the_one_that_is_asked_for(
+    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    two = tmp_path / "two.mcap"
+    with Bag(take) as bag, BagWriter(two) as writer:
+        for entry in bag.messages():
+            if entry.topic in ("pose", "skeleton"):
+                for figure in ("alice", "bob"):
+                    writer.write(f"{figure}/{entry.topic}", entry.received, entry.body)
+    words = ["--fps", "5", "--size", "128x96", "--engine", "pillow"]
+    assert main(["bag", "export", str(two), "--mp4", str(tmp_path / "a.mp4"), *words]) == 0
+    assert "of alice/pose, bob/pose" in capsys.readouterr().out
+    assert main(["bag", "export", str(two), "--mp4", str(tmp_path / "b.mp4"), "--topic", "bob/pose", *words]) == 0
+    assert "s of bob/pose" in capsys.readouterr().out
+    bare = tmp_path / "bare.mcap"
+    with Bag(take) as bag, BagWriter(bare) as writer:
+        for entry in bag.messages({"pose"}):
+            writer.write("pose", entry.received, entry.body)
+    assert main(["bag", "export", str(bare), "--mp4", str(tmp_path / "c.mp4"), *words]) == 2
+    assert "needs a pose and its skeleton" in line(capsys)
+    assert not (tmp_path / "c.mp4").exists()
+
+
 def test_check_of_the_same_code_passes_twice(take: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(2):
         assert main(["bag", "check", str(take)]) == 0
@@ -234,7 +305,12 @@ def test_a_file_that_is_no_bag_is_one_line_and_status_2(
         (["record", "-o", "no/such/folder.mcap"], "no folder"),
         (["record", "-o", "new.mcap", "Bad Topic"], "topic 'Bad Topic'"),
         (["record"], "required: -o"),
-        (["export", "take.mcap"], "one of the arguments --bvh --json is required"),
+        (["export", "take.mcap"], "at least one of --bvh, --glb, --mp4 and --json"),
+        (["export", "take.mcap", "--glb", "no/such/a.glb"], "no folder no/such"),
+        (["export", "take.mcap", "--mp4", "a.mp4", "--size", "big"], "write it like 1280x720"),
+        (["export", "take.mcap", "--mp4", "a.mp4", "--size", "101x64"], "even numbers"),
+        (["export", "take.mcap", "--mp4", "a.mp4", "--fps", "29.97"], "a whole number"),
+        (["export", "take.mcap", "--mp4", "a.mp4", "--topic", "skeleton"], "holds no poses"),
         (["burn", "take.mcap"], "unknown 'burn'"),
     ],
 )
