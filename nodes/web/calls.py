@@ -1,11 +1,14 @@
 """What a page may ask the stage to do: parameters, reset and takes, by the nodes' control sockets."""
 
 import asyncio
+import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from bunraku.msgs import Params
+from bunraku.nodes.web.files import MAX_DOWNLOAD
 from bunraku.nodes.web.protocol import Call
 from bunraku.nodes.web.server import PageServer
 from bunraku.nodes.web.takes import Takes, export, read_track
@@ -28,6 +31,12 @@ class Calls:
         self.params: dict[str, Params] = {}
         """Node -> its parameters, as the latched topics tell them."""
         self._exports = 0
+        self._made: tempfile.TemporaryDirectory[str] | None = None
+
+    def close(self) -> None:
+        """Remove what was made for pages."""
+        if self._made is not None:
+            self._made.cleanup()
 
     async def __call__(self, page: str, call: Call) -> dict[str, Any]:
         """Answer one call; raises ValueError with the reason for a refusal."""
@@ -40,7 +49,7 @@ class Calls:
             "take.status": self.status,
             "take.list": self.list_takes,
             "take.track": self.track,
-            "take.file": self.file,
+            "take.file": partial(self.file, partial(self._progress, page, call.id)),
         }
         if call.verb not in verbs:
             raise ValueError(f"no such call: {call.verb}")
@@ -135,26 +144,39 @@ class Calls:
         made = await asyncio.to_thread(read_track, path, self._pose(figure))
         return {"url": self._ticket(made, f"{name}.bin")}
 
-    async def file(self, name: str, format: str = "mcap", figure: str = "") -> dict[str, Any]:
+    async def file(
+        self, progress: Callable[[str, float], object], /, name: str, format: str = "mcap", figure: str = ""
+    ) -> dict[str, Any]:
         """Where a page fetches a take in a format."""
         path = self.takes.find(name)
+        figures = [figure, *(one for one in self.server.figures if one != figure)] if self.server else [figure]
+        topics = [self._pose(one) for one in figures]
         if self._exports >= EXPORTS_AT_ONCE:
             raise ValueError("other takes are being made ready: try again in a moment")
         self._exports += 1
         try:
-            made = await export(path, format, self._pose(figure))
+            if self._made is None:
+                self._made = tempfile.TemporaryDirectory(prefix="bunraku-takes-", ignore_cleanup_errors=True)
+            made = await export(path, format, topics, Path(self._made.name), progress)
         finally:
             self._exports -= 1
-        return {"url": self._ticket(made, made.name)}
+        size = made.stat().st_size
+        if size > MAX_DOWNLOAD:
+            raise ValueError(f"{size >> 20} MiB are too much for a page: copy {made} from the stage's machine")
+        return {"url": self._ticket(made, made.name, passing=made != path), "bytes": size}
 
     def _pose(self, figure: str) -> str:
         if self.server is not None and figure not in self.server.figures:
             raise ValueError("no such figure")
         return resolve(f"{figure}/pose" if figure else "pose", self.namespace)
 
-    def _ticket(self, source: Any, filename: str) -> str:
+    def _ticket(self, source: Any, filename: str, *, passing: bool = False) -> str:
         assert self.server is not None
-        return self.server.tickets.add(asyncio.get_running_loop().time(), source, filename)
+        return self.server.tickets.add(asyncio.get_running_loop().time(), source, filename, passing=passing)
+
+    def _progress(self, page: str, call: int, what: str, share: float) -> None:
+        if self.server is not None:
+            self.server.tell_progress(page, call, what, share)
 
     def _tell_take(self, name: str) -> None:
         if self.server is not None:

@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 import secrets
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -87,21 +88,30 @@ def weight(files: dict[str, Asset]) -> int:
 class Tickets:
     """Files that a page may fetch once: the way to a download knows no token."""
 
-    entries: dict[str, tuple[float, Path | Asset, str]] = field(default_factory=dict)
+    entries: dict[str, tuple[float, Path | Asset, str, bool]] = field(default_factory=dict)
 
-    def add(self, now: float, source: Path | Asset, filename: str) -> str:
-        """The path under which a file can be fetched once, until `TICKET_SECONDS` from ``now`` s."""
-        self.entries = {key: entry for key, entry in self.entries.items() if entry[0] > now}
+    def add(self, now: float, source: Path | Asset, filename: str, *, passing: bool = False) -> str:
+        """The path under which a file can be fetched once, until `TICKET_SECONDS` from ``now`` s.
+
+        A ``passing`` file was made for this: it is removed with the folder that holds it.
+        """
+        for key, (until, old, _, gone) in list(self.entries.items()):
+            if until <= now:
+                del self.entries[key]
+                _remove(old, gone)
         key = secrets.token_urlsafe(16)
-        self.entries[key] = (now + TICKET_SECONDS, source, filename)
+        self.entries[key] = (now + TICKET_SECONDS, source, filename, passing)
         return f"/ticket/{key}"
 
     def take(self, now: float, path: str) -> Asset | None:
         """The file behind a ticket's path; None where there is no such ticket, or no such file any more."""
         entry = self.entries.pop(path.removeprefix("/ticket/"), None)
-        if entry is None or entry[0] <= now:
+        if entry is None:
             return None
-        _, source, filename = entry
+        until, source, filename, passing = entry
+        if until <= now:
+            _remove(source, passing)
+            return None
         if isinstance(source, Asset):
             return Asset(source.body, source.type, source.packed, source.etag, filename)
         try:
@@ -110,6 +120,13 @@ class Tickets:
             return Asset(source.read_bytes(), TYPES.get(source.suffix, TYPES[".bin"]), filename=filename)
         except OSError:
             return None
+        finally:
+            _remove(source, passing)
+
+
+def _remove(source: Path | Asset, passing: bool) -> None:
+    if passing and isinstance(source, Path):
+        shutil.rmtree(source.parent, ignore_errors=True)
 
 
 def security_headers(host: str, scheme: str) -> dict[str, str]:

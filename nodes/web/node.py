@@ -104,6 +104,7 @@ class Web(Node):
 
     def teardown(self) -> None:
         self.server.stop()
+        self.calls.close()
 
     def save(self) -> bytes | None:
         return msgspec.msgpack.encode(self.kept)

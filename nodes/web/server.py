@@ -12,7 +12,7 @@ import ssl
 import threading
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any
@@ -53,6 +53,8 @@ MESSAGES = (600.0, 400.0)
 BYTES = (1.0e6, 1.0e6)
 MAX_BROKEN = 50
 KEPT_ORIGINS = 512
+PATIENT = ("take.file",)
+"""Calls that a page may cancel, and that end with it."""
 
 CLOSE_REFUSED = 4003
 CLOSE_REPLACED = 4001
@@ -88,6 +90,8 @@ class Page:
     sent: int = 0
     acked: int = 0
     dropped: int = 0
+    making: dict[int, asyncio.Task[None]] = field(default_factory=dict)
+    """Calls that go on for as long as the page waits for them."""
 
     @property
     def room(self) -> bool:
@@ -153,6 +157,13 @@ class PageServer:
     def tell_take(self, name: str) -> None:
         """Tell every page which take is being recorded; empty for none."""
         self.tell("take", encode_text("take", name=name))
+
+    def tell_progress(self, page: str, call: int, what: str, share: float) -> None:
+        """Tell a page how far its call is, 0..1; called in the server's thread."""
+        one = self._pages.get(page)
+        if one is not None and call in one.making:
+            one.texts[f"progress {call}"] = encode_text("progress", id=call, what=what, share=share)
+            one.wake.set()
 
     def put_file(self, path: str, file: Asset) -> None:
         """Serve one more file."""
@@ -273,6 +284,8 @@ class PageServer:
             pass
         finally:
             self._connections -= 1
+            for task in page.making.values() if page is not None else ():
+                task.cancel()
             if page is not None and self._pages.get(page.id) is page:
                 del self._pages[page.id]
                 self._release(page)
@@ -367,8 +380,15 @@ class PageServer:
                 self._reply(page, encode_text("pong", time=message.time, server=time.time_ns() / 1e6))
             case Call(verb="role"):
                 self._change_part(page, message)
+            case Call(verb="cancel"):
+                task = page.making.get(message.args.get("id", -1))
+                if task is not None:
+                    task.cancel()
+                self._reply(page, encode_text("reply", id=message.id, ok=True, data={"cancelled": task is not None}))
             case Call():
-                self._spawn(self._carry_out(page, message))
+                task = self._spawn(self._carry_out(page, message))
+                if message.verb in PATIENT:
+                    page.making[message.id] = task
             case _:
                 pass
 
@@ -389,6 +409,10 @@ class PageServer:
             reply = encode_text("reply", id=call.id, ok=True, data=data)
         except (ValueError, TypeError, OSError, TimeoutError) as error:
             reply = encode_text("reply", id=call.id, ok=False, error=str(error) or type(error).__name__)
+        except asyncio.CancelledError:
+            reply = encode_text("reply", id=call.id, ok=False, error="cancelled")
+        page.making.pop(call.id, None)
+        page.texts.pop(f"progress {call.id}", None)
         self._reply(page, reply)
 
     def _reply(self, page: Page, text: str) -> None:
@@ -396,10 +420,11 @@ class PageServer:
             page.replies.append(text)
             page.wake.set()
 
-    def _spawn(self, work: Awaitable[None]) -> None:
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
 
     def _offer(self, key: str, item: tuple[int, int, bytes, int | None]) -> None:
         self._streams[key] = item

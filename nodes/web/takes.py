@@ -1,11 +1,15 @@
 """Takes: recordings made from the page, their poses for the page's timeline, and other formats of them."""
 
 import asyncio
+import contextlib
+import os
 import re
+import shutil
 import struct
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +25,10 @@ FORMATS = ("mcap", "bvh", "glb", "mp4")
 MOST_LISTED = 50
 MOST_FRAMES = 60 * 60 * 60
 """Of a timeline: an hour at 60 Hz."""
-EXPORT_SECONDS = 600.0
+STILL_SECONDS = 60.0
+"""An export that tells nothing for so long is given up."""
+CLIP_FPS, FILM_FPS = 60, 30
+PROGRESS = re.compile(r"(\w+) (\d{1,3})%")
 
 
 @dataclass(frozen=True)
@@ -94,23 +101,60 @@ def read_track(path: Path, topic: str) -> Asset:
     )
 
 
-async def export(path: Path, kind: str, topic: str) -> Path:
-    """A take in another format, made by ``bunraku bag export`` in a folder of its own; raises ValueError."""
-    if kind == "mcap":
-        return path
+async def export(
+    path: Path, kind: str, topics: Sequence[str], folder: Path, progress: Callable[[str, float], object]
+) -> Path:
+    """A take in another format, made by ``bunraku bag export`` in a new folder inside ``folder``.
+
+    Args:
+        topics: of the poses; a film shows them all, the others hold the first.
+        progress: told what is being done and the share of it that is done, 0..1.
+
+    Raises:
+        ValueError: with the reason. When it is cancelled nothing is left.
+    """
     if kind not in FORMATS:
         raise ValueError(f"a take can be had as {', '.join(FORMATS)}")
-    out = Path(tempfile.mkdtemp(prefix="bunraku-take-")) / f"{path.stem}.{kind}"
+    if kind == "mcap":
+        return path
+    out = Path(tempfile.mkdtemp(dir=folder)) / f"{path.stem}.{kind}"
+    film = kind == "mp4"
+    words = [word for topic in (topics if film else topics[:1]) for word in ("--topic", topic)]
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "bunraku.cli", "bag", "export", str(path), f"--{kind}", str(out), "--topic", topic,
+        sys.executable, "-m", "bunraku.cli", "bag", "export", str(path), f"--{kind}", str(out), *words,
+        "--fps", str(FILM_FPS if film else CLIP_FPS), env={**os.environ, "BUNRAKU_PROGRESS": "lines"},
         stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE,
     )  # fmt: skip
+    with contextlib.suppress(AttributeError, OSError):
+        os.setpriority(os.PRIO_PROCESS, process.pid, 10)  # behind what is live
+    made = False
     try:
-        _, errors = await asyncio.wait_for(process.communicate(), EXPORT_SECONDS)
-    except TimeoutError:
-        process.kill()
-        raise ValueError(f"making {kind} took too long") from None
-    if process.returncode or not out.is_file():
-        lines = [line for line in errors.decode(errors="replace").splitlines() if line.strip()]
-        raise ValueError(lines[-1][:300] if lines else f"bunraku bag export --{kind} failed")
+        made = await _made(process, progress, kind) and out.is_file()
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+        if not made:
+            shutil.rmtree(out.parent, ignore_errors=True)
     return out
+
+
+async def _made(process: asyncio.subprocess.Process, progress: Callable[[str, float], object], kind: str) -> bool:
+    """Follow an export to its end; raises ValueError with its last words where it failed or stands still."""
+    assert process.stderr is not None
+    last = f"bunraku bag export --{kind} failed"
+    while True:
+        try:
+            line = (await asyncio.wait_for(process.stderr.readline(), STILL_SECONDS)).decode(errors="replace").strip()
+        except TimeoutError:
+            raise ValueError(f"making {kind} stands still: given up") from None
+        if not line and process.stderr.at_eof():
+            break
+        told = PROGRESS.fullmatch(line)
+        if told:
+            progress(told[1], int(told[2]) / 100)
+        elif line:
+            last = line.removeprefix("bunraku bag: ")[:300]
+    if await process.wait():
+        raise ValueError(last)
+    return True

@@ -29,6 +29,7 @@ from bunraku.nodes.web.node import Web
 from bunraku.nodes.web.protocol import POSE, Call, Hello, Input, Ping, decode_text, pack_pose, with_echo
 from bunraku.nodes.web.server import WINDOW, Hooks, PageServer
 from bunraku.nodes.web.takes import Takes
+from bunraku.runtime.bag import BagWriter, Channel
 from bunraku.runtime.memory import MemoryStage
 from bunraku.runtime.params import ParamProblem
 
@@ -41,6 +42,7 @@ class House:
     def __init__(self, token: str = "", figures: tuple[str, ...] = ("",)) -> None:
         self.inputs: list[tuple[str, str, Input, int]] = []
         self.gone: list[tuple[str, str]] = []
+        self.making = 0
         self.came = threading.Condition()
         self.server = PageServer(
             Hooks(self._input, self._gone, self._call), load_page(), Gate(frozenset(), "http", token), figures
@@ -62,6 +64,17 @@ class House:
     async def _call(self, page: str, call: Call) -> dict[str, Any]:
         if call.verb == "echo":
             return dict(call.args)
+        if call.verb == "take.file":
+            self.making += 1
+            try:
+                for share in range(10):
+                    self.server.tell_progress(page, call.id, "filming", share / 10)
+                    await asyncio.sleep(0.005)
+                await asyncio.sleep(60.0)
+            finally:
+                with self.came:
+                    self.making -= 1
+                    self.came.notify_all()
         raise ValueError(f"no such call: {call.verb}")
 
     def wait(self, condition: Callable[[], bool]) -> None:
@@ -516,6 +529,41 @@ def test_calls_are_answered_or_refused_with_the_reason(house: House) -> None:
     run(work())
 
 
+def test_what_takes_long_tells_how_far_it_is_and_can_be_cancelled(house: House) -> None:
+    async def work() -> None:
+        async with house.connect() as socket, house.connect() as other:
+            await hello(socket)
+            await hello(other, "bbbb2222")
+            await socket.send('{"t":"call","id":7,"verb":"take.file"}')
+            shares = []
+            while not shares or shares[-1] < 0.5:
+                told_ = await told(socket, "progress")
+                assert (told_["id"], told_["what"]) == (7, "filming")
+                shares.append(told_["share"])
+            assert shares == sorted(shares)
+            await other.send('{"t":"call","id":1,"verb":"cancel","args":{"id":7}}')
+            assert (await told(other, "reply"))["data"] == {"cancelled": False}  # another page's work
+            assert house.making == 1
+            await socket.send('{"t":"call","id":8,"verb":"cancel","args":{"id":7}}')
+            replies = {one["id"]: one for one in [await told(socket, "reply"), await told(socket, "reply")]}
+            assert (replies[7]["ok"], replies[7]["error"]) == (False, "cancelled")
+            assert replies[8]["data"] == {"cancelled": True}
+            assert house.making == 0
+
+    run(work())
+
+
+def test_what_a_page_waits_for_ends_when_it_leaves(house: House) -> None:
+    async def work() -> None:
+        async with house.connect() as socket:
+            await hello(socket)
+            await socket.send('{"t":"call","id":7,"verb":"take.file"}')
+            await told(socket, "progress")
+        await asyncio.to_thread(house.wait, lambda: house.making == 0)
+
+    run(work())
+
+
 # -- calls --------------------------------------------------------------------------------------------------------
 
 
@@ -560,6 +608,67 @@ def test_takes_are_listed_newest_first_and_never_share_a_name(tmp_path: Path) ->
     second.write_bytes(b"bb")
     (tmp_path / "takes" / "other.mcap").write_bytes(b"")
     assert {one["name"] for one in takes.listed()} == {first.stem, second.stem}
+
+
+def a_take(folder: Path, frames: int = 30) -> Path:
+    """A small take of the figure at rest."""
+    path = folder / "take-20260101-120000.mcap"
+    with BagWriter(path) as writer:
+        writer.add_channel(Channel("skeleton", "SkeletonMessage", latched=True))
+        writer.add_channel(Channel("pose", "Pose"))
+        writer.write("skeleton", 10**18, to_message(default_figure()).encode())
+        for k in range(frames):
+            one = pose(k)
+            one.stamp = 10**18 + k * 20_000_000
+            writer.write("pose", one.stamp, one.encode())
+    return path
+
+
+def test_a_take_is_made_into_other_formats_and_nothing_is_left_behind(house: House, tmp_path: Path) -> None:
+    path = a_take(tmp_path)
+    calls = Calls(tmp_path, Takes(tmp_path))
+    calls.server = house.server
+
+    async def fetch(format: str) -> bytes:
+        answer = await calls("p", Call(id=1, verb="take.file", args={"name": path.stem, "format": format}))
+        with await asyncio.to_thread(get, house, answer["url"]) as got:
+            assert f'filename="{path.stem}.{format}"' in got.headers["Content-Disposition"]
+            body: bytes = got.read()
+        assert len(body) == answer["bytes"]
+        return body
+
+    async def work() -> None:
+        assert (await fetch("mcap")) == path.read_bytes()
+        assert (await fetch("bvh")).startswith(b"HIERARCHY")
+        assert (await fetch("glb")).startswith(b"glTF")
+
+    run(work())
+    assert calls._made is not None
+    made = Path(calls._made.name)
+    assert list(made.iterdir()) == []
+    calls.close()
+    assert not made.exists()
+
+
+def test_why_a_take_is_not_made_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = Calls(tmp_path, Takes(tmp_path))
+    path = tmp_path / "take-20260101-120000.mcap"
+
+    def refused(format: str) -> str:
+        with pytest.raises(ValueError) as raised:
+            asyncio.run(calls("p", Call(id=1, verb="take.file", args={"name": path.stem, "format": format})))
+        return str(raised.value)
+
+    assert "is not there any more" in refused("mcap")
+    with BagWriter(path) as writer:
+        writer.write("touch", 10**18, b"")
+    assert "no topic 'pose'" in refused("bvh")
+    assert "a take can be had as" in refused("exe")
+    monkeypatch.setattr("bunraku.nodes.web.calls.MAX_DOWNLOAD", 10)
+    assert "too much for a page" in refused("mcap")
+    assert calls._made is not None
+    assert list(Path(calls._made.name).iterdir()) == []
+    calls.close()
 
 
 # -- the node ---------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ export const VERSION = 1;
 const FIRST_WAIT = 250, LONGEST_WAIT = 3000; // ms between two tries
 const SILENCE = 4000; // ms without an answer to a ping: the connection is taken for lost
 const PING_EVERY = 1000;
-const CALL_TIMEOUT = 620000;
+const CALL_TIMEOUT = 90000; // ms without an answer or a word of progress
 
 /** Close codes after which trying again is of no use, and what to tell. @type {Record<number, string>} */
 export const FINAL = {
@@ -56,6 +56,11 @@ export class Identity {
  * }} Listener
  */
 
+/**
+ * @typedef {{done(data: any): void, failed(error: Error): void, progress(what: string, share: number): void,
+ *   timer: number}} Waiting
+ */
+
 export class Connection {
   /** @param {string} url @param {Identity} identity @param {Listener} listener */
   constructor(url, identity, listener) {
@@ -70,7 +75,7 @@ export class Connection {
     this.heard = 0;
     this.open = false;
     this.nextCall = 1;
-    /** @type {Map<number, {done(data: any): void, failed(error: Error): void}>} */
+    /** @type {Map<number, Waiting>} */
     this.calls = new Map();
     /** @type {WebSocket | null} */
     this.socket = null;
@@ -111,8 +116,15 @@ export class Connection {
     else if (message.t === "reply") {
       const call = this.calls.get(message.id);
       this.calls.delete(message.id);
+      clearTimeout(call?.timer);
       if (message.ok) call?.done(message.data);
       else call?.failed(new Error(message.error));
+    } else if (message.t === "progress") {
+      const call = this.calls.get(message.id);
+      if (!call) return;
+      clearTimeout(call.timer);
+      call.timer = this.patience(message.id);
+      call.progress(message.what, message.share);
     } else {
       if (message.t === "welcome") {
         this.tries = 0;
@@ -129,7 +141,10 @@ export class Connection {
     this.socket = null;
     this.open = false;
     this.roundTrip = NaN;
-    for (const {failed} of this.calls.values()) failed(new Error("the connection was lost"));
+    for (const {failed, timer} of this.calls.values()) {
+      clearTimeout(timer);
+      failed(new Error("the connection was lost"));
+    }
     this.calls.clear();
     if (code === 4001) this.identity.renew();
     if (FINAL[code]) {
@@ -160,19 +175,26 @@ export class Connection {
   /**
    * Ask the stage to do something.
    * @param {string} verb @param {Record<string, unknown>} [args]
+   * @param {(what: string, share: number) => void} [progress] hears how far it is, 0..1
    * @returns {Promise<any>}
    */
-  call(verb, args = {}) {
+  call(verb, args = {}, progress = () => {}) {
     const id = this.nextCall++;
     return new Promise((done, failed) => {
       if (!this.open || !this.send({t: "call", id, verb, args})) {
         failed(new Error("there is no connection to the stage"));
         return;
       }
-      this.calls.set(id, {done, failed});
-      setTimeout(() => {
-        if (this.calls.delete(id)) failed(new Error("the stage did not answer"));
-      }, CALL_TIMEOUT);
+      this.calls.set(id, {done, failed, progress, timer: this.patience(id)});
     });
+  }
+
+  /** Give a call up when nothing is heard of it. @param {number} id @returns {number} */
+  patience(id) {
+    return window.setTimeout(() => {
+      const call = this.calls.get(id);
+      this.calls.delete(id);
+      call?.failed(new Error("the stage did not answer"));
+    }, CALL_TIMEOUT);
   }
 }

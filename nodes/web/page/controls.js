@@ -1,7 +1,8 @@
 // The stage's controls: ways of playing, reset, takes with their timeline, settings and numbers.
 
-import {attempt, byId, make, toast} from "./dom.js";
+import {attempt, byId, make} from "./dom.js";
 import {showParams} from "./params.js";
+import {saving} from "./saving.js";
 import {show} from "./stats.js";
 import {clockText, lengthOf, Player, readTrack} from "./takes.js";
 
@@ -65,13 +66,14 @@ export function takes(connection, figure) {
   const player = new Player();
   const button = byId("take", HTMLButtonElement), list = byId("takes", HTMLSelectElement);
   const play = byId("play", HTMLButtonElement), scrub = byId("scrub", HTMLInputElement);
-  const clock = byId("clock", HTMLOutputElement), save = byId("download", HTMLSelectElement);
+  const clock = byId("clock", HTMLOutputElement);
   let began = 0;
   let recording = "";
 
+  const saves = saving(connection, () => ({name: list.value, figure: figure()}));
   const enable = () => {
     play.disabled = scrub.disabled = !player.track;
-    save.disabled = list.value === "";
+    saves();
   };
   const refresh = async () => {
     const {takes: found} = await connection.call("take.list");
@@ -124,17 +126,6 @@ export function takes(connection, figure) {
     player.playing = false;
     player.seek(Number(scrub.value));
   };
-  save.onchange = () => attempt(async () => {
-    const format = save.value;
-    save.value = "";
-    if (!format || !list.value) return;
-    if (format !== "mcap") toast(`Making the ${format} file…`);
-    const {url} = await connection.call("take.file", {name: list.value, format, figure: figure()});
-    const link = make("a", {href: url, download: ""});
-    document.body.append(link);
-    link.click();
-    link.remove();
-  });
   return {
     player,
     refresh,
