@@ -17,6 +17,9 @@
     ellipse = [0.012, 0.009, 0.3] # major m, minor m, angle rad; or rows with a time first
     end = "cancel"
 
+After a performance has swiped to another view, ``view = [azimuth, elevation]`` rad says from where ``on``, ``offset``
+and ``drag`` of a touch are worked out; a swipe of one picture height turns the view by pi.
+
 A touch begins at rest where ``on`` or ``at`` says, runs smoothly through its points without overshoot and rests at
 the end; ``curve = "linear"`` runs straight. ``offset = [right, up]`` m moves the beginning beside the part.
 The same touch again and again: ``repeat = 3`` with ``every = 1.5`` s.
@@ -33,8 +36,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.camera import default_camera, metres_per_height, project
+from bunraku.figure.camera import Orbit, metres_per_height, project
 from bunraku.figure.default import default_figure
+from bunraku.msgs import Camera
 from bunraku.nodes.input_touch.driver import Ending, Sample
 
 Array = NDArray[np.float64]
@@ -200,7 +204,6 @@ class _Reader:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.camera = default_camera()
         self.places: dict[str, Array] | None = None
 
     def fail(self, where: str, text: str) -> PerformanceError:
@@ -241,7 +244,7 @@ class _Reader:
             raise self.fail(where, "must be a [[touch]] table")
         self.only(table, where, {
             "on", "at", "offset", "start", "drag", "path", "hold", "pressure", "ellipse", "end", "curve", "repeat",
-            "every",
+            "every", "view",
         })  # fmt: skip
         if ("on" in table) == ("at" in table):
             raise self.fail(where, 'give either on = "PART" or at = [x, y]')
@@ -253,10 +256,14 @@ class _Reader:
         curve = table.get("curve", "smooth")
         if curve not in ("smooth", "linear"):
             raise self.fail(f"{where}: curve", f'{curve!r} is neither "smooth" nor "linear"')
-        begin, scale = self.begin(table, where)
+        azimuth, elevation = self.row(
+            table.get("view", [Orbit.azimuth, Orbit.elevation]), f"{where}: view", 2, -math.pi, math.pi
+        )
+        camera = Orbit(azimuth=azimuth, elevation=elevation).camera()
+        begin, scale = self.begin(table, where, camera)
         start = self.number(table.get("start", 0.0), f"{where}: start", 0.0, LONGEST)
         hold = self.number(table.get("hold", 0.0), f"{where}: hold", 0.0, LONGEST)
-        path = self.path(table, where, begin, scale, curve == "linear")
+        path = self.path(table, where, begin, scale * camera.aspect, scale, linear=curve == "linear")
         repeat = int(self.number(table.get("repeat", 1), f"{where}: repeat", 1, MOST_TOUCHES))
         length = float(path.t[-1]) + hold
         if length <= 0.0:
@@ -270,30 +277,32 @@ class _Reader:
             Stroke(start + k * every, start + k * every + length, path, ending=ending, **extra) for k in range(repeat)
         ]
 
-    def begin(self, table: dict[str, Any], where: str) -> tuple[tuple[float, float], float]:
+    def begin(self, table: dict[str, Any], where: str, camera: Camera) -> tuple[tuple[float, float], float]:
         """Where the touch begins (shares), and metres that the picture's height spans there."""
         if "at" in table:
             x, y = self.row(table["at"], f"{where}: at", 2, -1.0, 2.0)
-            scale = metres_per_height(self.camera, (0.0, 0.9, 0.0))
+            scale = metres_per_height(camera, (0.0, 0.9, 0.0))
         else:
             part = table["on"]
             if part not in PARTS:
                 raise self.fail(f"{where}: on", f"{part!r} is no part (has: {', '.join(PARTS)})")
             if self.places is None:
                 self.places = part_places()
-            x, y = project(self.camera, self.places[part])
-            scale = metres_per_height(self.camera, self.places[part])
+            x, y = project(camera, self.places[part])
+            scale = metres_per_height(camera, self.places[part])
         right, up = self.row(table.get("offset", [0.0, 0.0]), f"{where}: offset", 2, -10.0, 10.0)
-        return (float(x) + right / (scale * self.camera.aspect), float(y) - up / scale), scale
+        return (float(x) + right / (scale * camera.aspect), float(y) - up / scale), scale
 
-    def path(self, table: dict[str, Any], where: str, begin: tuple[float, float], scale: float, linear: bool) -> Curve:
+    def path(
+        self, table: dict[str, Any], where: str, begin: tuple[float, float], wide: float, tall: float, *, linear: bool
+    ) -> Curve:
+        """Its way over the picture, which is ``wide`` and ``tall`` m where the touch begins."""
         rows: list[list[float]] = []
         if "path" in table:
             rows = self.rows(table["path"], f"{where}: path", 3, -1.0, 2.0)
         elif "drag" in table:
-            wide = scale * self.camera.aspect
             rows = [
-                [t, begin[0] + right / wide, begin[1] - up / scale]
+                [t, begin[0] + right / wide, begin[1] - up / tall]
                 for t, right, up in self.rows(table["drag"], f"{where}: drag", 3, -100.0, 100.0)
             ]
         for _, x, y in rows:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bunraku.figure.camera import default_camera, project
+from bunraku.figure.camera import Orbit, default_camera, metres_per_height, project
 from bunraku.figure.default import default_figure
 from bunraku.msgs import Contact, Event, Touch
 from bunraku.nodes.input_touch.driver import DriverProblem, Ledger, Sample, find, known
@@ -118,6 +118,36 @@ def test_a_part_s_name_means_its_place_at_ease_seen_by_the_default_camera() -> N
     assert moved.at(2.0).y < one.y - 0.1
 
 
+def test_after_a_swipe_parts_are_where_the_new_view_shows_them() -> None:
+    """The swipe of the first touch, as the interpreter takes it, brings the view that the second one names."""
+    text = """
+        [[touch]]
+        at = [0.85, 0.3]
+        path = [[0.8, 0.6905, 0.3183]]
+
+        [[touch]]
+        on = "left_foot"
+        view = [1.4427, 0.1763]
+        start = 1.0
+        drag = [[0.5, 0.1, 0.2]]
+    """
+    swipe, foot = parse(text).strokes
+    begin, end = swipe.path.v[0], swipe.path.v[-1]
+    orbit = Orbit()
+    turned = Orbit(
+        azimuth=orbit.azimuth - (end[0] - begin[0]) * orbit.aspect * np.pi,
+        elevation=orbit.elevation + (end[1] - begin[1]) * np.pi,
+    )
+    assert (turned.azimuth, turned.elevation) == pytest.approx((1.4427, 0.1763), abs=2e-4)
+    figure = default_figure()
+    joint = figure.role("leftFoot")
+    place = project(turned.camera(), figure.rest_positions[joint] + figure.box_centers[joint])
+    assert tuple(foot.path.v[0]) == pytest.approx(tuple(place), abs=1e-4)
+    tall = metres_per_height(turned.camera(), figure.rest_positions[joint] + figure.box_centers[joint])
+    moved = foot.path.v[-1] - foot.path.v[0]
+    assert tuple(moved) == pytest.approx((0.1 / tall * 9 / 16, -0.2 / tall), rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -135,6 +165,8 @@ def test_a_part_s_name_means_its_place_at_ease_seen_by_the_default_camera() -> N
         ("touch = [3]", "must be"),
         ("[[touch]]\nat=[0,0]\nhold=1\nend='off'", "neither"),
         ("[[touch]]\nat=[0,0]\npath=3", "rows"),
+        ("[[touch]]\non='head'\nhold=1\nview=[4,0]", "outside"),
+        ("[[touch]]\non='head'\nhold=1\nview=1", "list of 2"),
     ],
 )
 def test_faults_of_a_file_are_named_in_one_line(text: str, says: str) -> None:
