@@ -43,6 +43,9 @@ TALL, LEAST, MOST = 200, 90, 205
 """Pixels of a strip's picture: its height, its width at least and at most."""
 OTHER = (1.35, 0.15)
 """rad, azimuths of the other side: the first one that is not the player's own."""
+LEAST_PICTURES, MOST_PICTURES = 7, 10
+STILL = 0.02
+"""m: a figure whose joints move less is shown from one side only."""
 GAP = 4
 PAPER, INK = (246, 247, 249), (70, 78, 92)
 TOPICS = ("skeleton", "pose", "camera", "overlay/controller", "overlay/interpreter")
@@ -116,13 +119,8 @@ def window(views: Sequence[View], *, fingers: bool) -> tuple[int, int, int, int]
     low, high = all_places.min(axis=0), all_places.max(axis=0)
     left, right = max(0.0, low[0] - 26), min(float(WIDTH), high[0] + 26)
     top, bottom = max(0.0, low[1] - 20), min(float(HEIGHT), high[1] + 24)
-    wide = (right - left) * TALL / (bottom - top)
-    if wide < LEAST:
-        more = 0.5 * (LEAST * (bottom - top) / TALL - (right - left))
-        left, right = left - more, right + more
-    elif wide > MOST:
-        more = 0.5 * ((right - left) * TALL / MOST - (bottom - top))
-        top, bottom = max(0.0, top - more), min(float(HEIGHT), bottom + more)
+    more = max(0.0, 0.5 * (LEAST * (bottom - top) / TALL - (right - left)))
+    left, right = left - more, right + more
     return round(left), round(top), round(right), round(bottom)
 
 
@@ -142,7 +140,8 @@ def on_ground(layer: Layer) -> Layer:
 def row(engine: Engine, views: Sequence[View], *, fingers: bool) -> list[Image.Image]:
     """The pictures of some views, cut to what happens in them."""
     box = window(views, fingers=fingers)
-    size = (round((box[2] - box[0]) * TALL / (box[3] - box[1])), TALL)
+    scale = min(TALL / (box[3] - box[1]), MOST / (box[2] - box[0]))
+    size = (round((box[2] - box[0]) * scale), round((box[3] - box[1]) * scale))
     pictures = []
     for view in views:
         pixels = paint(engine, view, WIDTH, HEIGHT)
@@ -152,25 +151,30 @@ def row(engine: Engine, views: Sequence[View], *, fingers: bool) -> list[Image.I
 
 
 def strip(path: Path, count: int) -> Image.Image:
-    """The strip of a performance."""
+    """The strip of a performance; ``count`` 0 takes as many pictures as its length asks for."""
     seen = play(path)
+    count = count or min(MOST_PICTURES, max(LEAST_PICTURES, round(seen[-1][0])))
     chosen = [seen[k] for k in moments([view for _, view in seen], count)]
     views = [view for _, view in chosen]
     engine = open_engine()
-    above = row(engine, views, fingers=True)
-    azimuths = [axes(view.camera)[2] for view in views]
-    own = float(np.median([np.arctan2(back[0], back[2]) for back in azimuths]))
-    other = next(one for one in OTHER if abs(one - own) > 0.5)
-    below = row(engine, [aside(view, other) for view in views], fingers=False)
+    rows = [row(engine, views, fingers=True)]
+    way = np.stack([view.figures[0].positions_ws for view in views])
+    if float(np.abs(way - way[0]).max()) > STILL:
+        backs = [axes(view.camera)[2] for view in views]
+        own = float(np.median([np.arctan2(back[0], back[2]) for back in backs]))
+        other = next(one for one in OTHER if abs(one - own) > 0.5)
+        rows.append(row(engine, [aside(view, other) for view in views], fingers=False))
     engine.close()
-    wide = max(above[0].width, below[0].width)
-    sheet = Image.new("RGB", (len(chosen) * (wide + GAP) - GAP, 2 * TALL + GAP), PAPER)
+    wide = max(pictures[0].width for pictures in rows)
+    talls = [pictures[0].height for pictures in rows]
+    sheet = Image.new("RGB", (len(chosen) * (wide + GAP) - GAP, sum(talls) + GAP * (len(rows) - 1)), PAPER)
     draw = ImageDraw.Draw(sheet)
     font = ImageFont.load_default(13)
     for column, (seconds, _) in enumerate(chosen):
-        x = column * (wide + GAP)
-        for line, pictures in enumerate((above, below)):
-            sheet.paste(pictures[column], (x + (wide - pictures[column].width) // 2, line * (TALL + GAP)))
+        x, y = column * (wide + GAP), 0
+        for pictures in rows:
+            sheet.paste(pictures[column], (x + (wide - pictures[column].width) // 2, y))
+            y += pictures[column].height + GAP
         draw.text((x + 5, 3), f"{max(seconds, 0.0):.1f} s", fill=INK, font=font)
     return sheet
 
@@ -180,10 +184,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("names", nargs="*", help="performances in examples/, without .touch, or files; default all")
     parser.add_argument("-o", "--output", type=Path, default=HERE, help="folder to write (docs)")
-    parser.add_argument("--count", type=int, default=8, help="pictures a strip (8)")
+    parser.add_argument("--count", type=int, default=0, help="pictures a strip (by its length, 7 to 10)")
     parser.add_argument("--format", default="webp", choices=["webp", "png"])
     args = parser.parse_args(argv)
-    if args.count < 2:
+    if args.count < 0 or args.count == 1:
         parser.error("--count: a strip has at least 2 pictures")
     paths = [Path(name) if name.endswith(".touch") else EXAMPLES / f"{name}.touch" for name in args.names]
     args.output.mkdir(parents=True, exist_ok=True)
