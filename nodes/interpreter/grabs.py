@@ -215,6 +215,11 @@ class PelvisGrab:
                 return None, None
             self.goal = None
             self.repeated = True
+            # A step is made upright: the little that a level drag rose or sank on the way counts for nothing.
+            sunk = float(scene.rig.rest_positions[0, 1]) - float(wanted[1])
+            if abs(sunk) < rules.step_rise:
+                self.plane.shift = self.plane.shift + np.array([0.0, sunk, 0.0])
+                wanted = wanted + np.array([0.0, sunk, 0.0])
             self.ease = scene.positions[0] - self._allowed(scene, wanted, held_feet)[0]
         inside, beyond = self._allowed(scene, wanted, held_feet)
         standing = self._standing(scene, held_feet)
@@ -273,6 +278,9 @@ class PelvisGrab:
         high = max(high, low)
         y = min(high, max(low, float(wanted[1])))
         beyond = out > rules.step_margin or abs(float(wanted[1]) - y) > rules.step_rise
+        # Nearly upright is upright: three centimetres that a level drag loses would bend the knees by 30 degrees.
+        low_by = min(1.0, (high - y) / rules.upright)
+        y = high - (high - y) * low_by * low_by * (3.0 - 2.0 * low_by)
         # A step needs both feet: one that a finger holds, or that is in the air, rules it out.
         return np.array([x, y, z]), beyond and len(standing) == 2 and all(scene.planted)
 

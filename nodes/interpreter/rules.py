@@ -73,6 +73,8 @@ class TouchRules:
     """m inside the support polygon's edge that a dragged pelvis stays."""
     duck: float = 0.5
     """Least height of the pelvis, share of its height at rest (5.3, minimum duck height)."""
+    upright: float = 0.06
+    """m below straight legs up to which a dragged pelvis is drawn to them."""
     landing: float = 0.08
     """m above the ground up to which a free foot counts as about to stand."""
     stretch: float = 0.998

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from bunraku.figure.camera import Orbit, look_at, orbit_from, project, ray
+from bunraku.figure.camera import Orbit, look_at, metres_per_height, orbit_from, project, ray
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.figure.wire import to_message
@@ -312,6 +312,25 @@ def test_the_pelvis_moves_over_the_feet_and_bends_the_knees() -> None:
     assert table.target.pelvis[0] == pytest.approx(0.05, abs=0.03)
 
 
+def test_a_pelvis_that_is_nearly_upright_is_upright_and_a_crouch_is_as_deep_as_asked() -> None:
+    table = Table()
+    table.node.viewer.orbit = look_orbit((0.0, 0.95, 4.2))
+    table.stage.advance(0.05)
+    x, y = table.place("pelvis")
+    table.down(1, (x, y))
+    top = table.target.pelvis[1]
+    tall = metres_per_height(table.camera, (0.0, 0.95, 0.0))
+    heights = []
+    for down in np.linspace(0.0, 0.30, 61):
+        table.drag(1, (x, y + down / tall), 0.05)
+        heights.append(table.target.pelvis[1])
+    assert top - heights[2] < 0.001  # a centimetre down
+    assert top - heights[4] < 0.008
+    assert top - heights[-1] == pytest.approx(0.30, abs=0.03)
+    assert max(np.diff(heights)) <= 1e-9
+    assert min(np.diff(heights)) > -0.012  # no jump: at most about twice the finger's way
+
+
 def test_a_pelvis_dragged_beyond_the_feet_is_one_step_at_a_time() -> None:
     table = Table()
     table.node.viewer.orbit = look_orbit((0.0, 1.5, 4.2))
@@ -330,6 +349,7 @@ def test_a_pelvis_dragged_beyond_the_feet_is_one_step_at_a_time() -> None:
     table.drag(1, table.fingers[1], 1.0)
     assert len(table.stage.received("command")) == 1
     assert table.target.pelvis is not None
+    assert table.target.pelvis[1] > 0.935  # it stands upright again
     # Farther on: the next step, with another id.
     table.drag(1, (table.fingers[1][0] + 0.15, table.fingers[1][1]), 0.3)
     later = table.stage.received("command")
