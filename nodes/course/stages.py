@@ -125,9 +125,9 @@ def _straight() -> Stage:
     tiles = ribbon([(0.0, -0.5 + k) for k in range(10)], 1.5)
     across = 0.5 * pi
     obstacles = (
-        pillar((-1.05, 2.6), (1.05, 2.6), 1.0),
+        pillar((-1.3, 2.6), (1.3, 2.6), 1.0),
         low_bar((0.0, 4.4), (0.0, 4.9), across, 1.5, 0.30, 0.2),
-        pillar((1.05, 6.7), (-1.05, 6.7), 1.0, 0.3),
+        pillar((1.3, 6.7), (-1.3, 6.7), 1.0, 0.3),
     )
     return Stage("the straight", "run", tiles, obstacles)
 
@@ -136,9 +136,9 @@ def _corners() -> Stage:
     line = [(0.0, -0.5), (0.0, 0.5), (0.0, 1.5), (0.0, 2.5), (1.0, 2.5), (2.0, 2.5), (3.0, 2.5),
             (3.0, 3.5), (3.0, 4.5), (3.0, 5.5), (2.0, 5.5), (1.0, 5.5), (0.0, 5.5), (-0.9, 5.5)]  # fmt: skip
     obstacles = (
-        pillar((1.5, 1.7), (1.5, 3.3), 0.7),
+        pillar((1.5, 1.3), (1.5, 3.7), 0.8),
         low_bar((3.0, 3.85), (3.0, 4.25), 0.5 * pi, 0.9, 0.25, 0.1),
-        pillar((1.2, 6.3), (1.2, 4.7), 0.7, 0.4),
+        pillar((1.2, 6.7), (1.2, 4.3), 0.8, 0.4),
     )
     return Stage("corners", "turn at the corners", ribbon(line, 0.9), obstacles)
 
@@ -155,7 +155,7 @@ def _winding() -> Stage:
     across = 0.5 * pi
     obstacles = (
         beam((1.0, 1.4), (1.0, 1.9), across, 1.0, 0.25),
-        pillar((-1.7, 4.5), (-0.3, 4.5), 0.6, 0.2),
+        pillar((-2.2, 4.5), (0.2, 4.5), 0.8, 0.2),
         beam((-1.0, 10.3), (-1.0, 10.8), across, 1.0, 0.25, 0.5),
     )
     return Stage("the winding way", "a narrow way in bends; duck under beams", ribbon(line, 0.6), obstacles)
@@ -165,8 +165,8 @@ def _islands() -> Stage:
     tiles = [square(0.0, 0.1, 0.8, 1.4), square(0.0, 1.75, 0.7), square(0.0, 2.95, 0.7), square(0.75, 3.75, 0.7),
              square(0.75, 4.95, 0.7), square(0.75, 6.55, 0.8, 1.5), square(0.75, 7.7, 0.8, 0.8)]  # fmt: skip
     obstacles = (
-        pillar((-1.0, 2.35), (1.0, 2.35), 0.7),
-        pillar((1.75, 4.35), (-0.25, 4.35), 0.7, 0.3),
+        pillar((-1.2, 2.35), (1.2, 2.35), 0.8),
+        pillar((1.95, 4.35), (-0.45, 4.35), 0.8, 0.3),
         low_bar((0.75, 6.6), (0.75, 6.9), 0.5 * pi, 0.8, 0.20),
     )
     return Stage("islands", "jump from island to island", np.concatenate(tiles), obstacles)
