@@ -6,7 +6,7 @@ its stages in a figure (15) that the text does not describe: widths, lengths and
 
 from dataclasses import dataclass
 from functools import cache
-from math import cos, hypot, pi, sin
+from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -116,9 +116,9 @@ def low_bar(begin: Place, end: Place, across: float, width: float, speed: float,
 
 
 def beam(begin: Place, end: Place, across: float, width: float, speed: float, phase: float = 0.0) -> Obstacle:
-    """A beam whose lower side is 1.60 m above the ground: a figure that stands or walks upright hits it."""
+    """A beam whose lower side is 1.64 m above the ground: a figure that stands or walks upright hits it."""
     x, z = 0.5 * width * sin(across), 0.5 * width * cos(across)
-    return Obstacle(DUCK, begin, end, speed, (x, 1.66, z), (-x, 1.66, -z), 0.06, phase)
+    return Obstacle(DUCK, begin, end, speed, (x, 1.70, z), (-x, 1.70, -z), 0.06, phase)
 
 
 def _straight() -> Stage:
@@ -137,10 +137,10 @@ def _corners() -> Stage:
             (3.0, 3.5), (3.0, 4.5), (3.0, 5.5), (2.0, 5.5), (1.0, 5.5), (0.0, 5.5), (-0.9, 5.5)]  # fmt: skip
     obstacles = (
         pillar((1.5, 1.3), (1.5, 3.7), 0.8),
-        low_bar((3.0, 3.85), (3.0, 4.25), 0.5 * pi, 0.9, 0.25, 0.1),
+        low_bar((3.0, 3.85), (3.0, 4.25), 0.5 * pi, 0.8, 0.25, 0.1),
         pillar((1.2, 6.7), (1.2, 4.3), 0.8, 0.4),
     )
-    return Stage("corners", "turn at the corners", ribbon(line, 0.9), obstacles)
+    return Stage("corners", "turn at the corners", ribbon(line, 0.8), obstacles)
 
 
 def _winding() -> Stage:
@@ -152,22 +152,23 @@ def _winding() -> Stage:
     # The start lies behind the first bend and the goal behind the last one, both a little longer.
     first, last = line[1] - line[0], line[-1] - line[-2]
     line = np.vstack([line[0] - first, line, line[-1] + 1.4 * last])
-    across = 0.5 * pi
+    # Beams hang where the way changes from one bend to the next, square to it.
+    lean = atan2(-2.0 * pi / 6.0, 1.0)
+    x, z = 0.25 * sin(lean), 0.25 * cos(lean)
     obstacles = (
-        beam((1.0, 1.4), (1.0, 1.9), across, 1.0, 0.25),
+        beam((-x, 3.0 - z), (x, 3.0 + z), lean + 0.5 * pi, 1.0, 0.25),
         pillar((-2.2, 4.5), (0.2, 4.5), 0.8, 0.2),
-        beam((-1.0, 10.3), (-1.0, 10.8), across, 1.0, 0.25, 0.5),
+        beam((-x, 9.0 - z), (x, 9.0 + z), lean + 0.5 * pi, 1.0, 0.25, 0.5),
     )
-    return Stage("the winding way", "a narrow way in bends; duck under beams", ribbon(line, 0.6), obstacles)
+    return Stage("the winding way", "a narrow way in bends; duck under beams", ribbon(line, 0.5), obstacles)
 
 
 def _islands() -> Stage:
-    tiles = [square(0.0, 0.1, 0.8, 1.4), square(0.0, 1.75, 0.7), square(0.0, 2.95, 0.7), square(0.75, 3.75, 0.7),
-             square(0.75, 4.95, 0.7), square(0.75, 6.55, 0.8, 1.5), square(0.75, 7.7, 0.8, 0.8)]  # fmt: skip
+    tiles = [square(0.0, 0.1, 0.8, 1.4), square(0.0, 1.7, 0.65), square(0.0, 2.9, 0.65), square(0.8, 3.7, 0.65),
+             square(0.8, 4.9, 0.65), square(0.8, 6.5, 0.8, 1.5), square(0.8, 7.65, 0.8, 0.8)]  # fmt: skip
     obstacles = (
-        pillar((-1.2, 2.35), (1.2, 2.35), 0.8),
-        pillar((1.95, 4.35), (-0.45, 4.35), 0.8, 0.3),
-        low_bar((0.75, 6.6), (0.75, 6.9), 0.5 * pi, 0.8, 0.20),
+        pillar((-1.6, 2.3), (1.6, 2.3), 0.9),
+        low_bar((0.8, 6.55), (0.8, 6.85), 0.5 * pi, 0.8, 0.20),
     )
     return Stage("islands", "jump from island to island", np.concatenate(tiles), obstacles)
 

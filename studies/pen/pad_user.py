@@ -10,7 +10,7 @@ from bunraku.nodes.interpreter.pad import PadRules
 from bunraku.runtime.node import Publisher
 
 from .person import Wander
-from .player import BODY, HZ, LEAP, PATIENCE, Act, Acting, Player
+from .player import ALOFT, BODY, HZ, LEAP, PATIENCE, Act, Acting, Player
 from .route import Route
 from .sight import Sight
 
@@ -73,7 +73,7 @@ class PadPlayer(Player):
             sight, route, here, arc, speed = self.situation()
             acts = self.acts(sight, route, arc)
             act = acts[0] if acts else None
-            if act is not None and arc >= act.hold - COAST - 0.3 * speed / HZ:
+            if act is not None and arc >= act.hold - COAST - FLICK * speed:
                 yield from self.do(act)
                 continue
             if self.ducks(sight, route, arc, 0.6 + 0.9 * max(speed, 0.6), 0.5):
@@ -133,7 +133,11 @@ class PadPlayer(Player):
         lag = self.person.reaction + self.person.press
         while self.time - begun < PATIENCE:
             _, route, _, arc, _ = self.situation()
-            good = self.under(act, route, arc, lag, ago) if bar else self.clear(act, route, lag + 0.7, lag + 1.5, ago)
+            good = (
+                self.under(act, route, arc, lag, ago)
+                if bar
+                else self.clear(act, route, lag + ALOFT[0], lag + ALOFT[1], ago)
+            )
             if good:
                 break
             yield from self.pause(0.05)
@@ -173,21 +177,22 @@ class PadPlayer(Player):
         """Go on when the pillar will be beside the way; stand until then."""
         assert act.thing is not None
         begun, ago = self.time, self.person.delay
-        first = True
+        waited = False
         while self.time - begun < PATIENCE:
             _, route, _, arc, speed = self.situation()
             left = act.low - arc
-            if first and speed > 0.5:
+            if not waited and speed > 0.5:
                 begin, end = (left - BODY) / speed, (left + BODY) / speed
             else:
-                lag = (0.0 if first else self.person.reaction) + 0.15
+                lag = self.person.reaction + 0.15
                 begin, end = self.setting_off(left - BODY, lag), self.setting_off(left + BODY, lag)
             if self.clear(act, route, begin, end, ago):
                 break
-            first = False
-            self.wanted = np.zeros(2)
+            if not waited:
+                yield from self.halt()
+                waited = True
             yield from self.pause(0.05)
-        if not first:
+        if waited:
             yield from self.pause(self.person.reaction)
         self.crossed.add(act.thing)
         self.dash = act.high + 0.6

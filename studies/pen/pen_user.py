@@ -9,7 +9,7 @@ from bunraku.msgs import Pen
 from bunraku.runtime.node import Publisher, param
 
 from .person import Wander
-from .player import BODY, HZ, LEAP, PATIENCE, Act, Acting, Player
+from .player import ALOFT, BODY, HZ, LEAP, PATIENCE, Act, Acting, Player
 from .route import Route
 from .sight import Sight
 
@@ -36,9 +36,6 @@ class PenPlayer(Player):
         self.contact, self.pressure = False, LIGHT
         self.moves: list[tuple[float, Array]] = []
         self.speed = 0.0  # m/s of the ground
-        self.rested = True
-        """Whether nothing was drawn since the last landing or rest."""
-        self.since_rest = np.zeros(2)
         self.dash = -1.0
         self.near = False
 
@@ -62,7 +59,6 @@ class PenPlayer(Player):
         self.at = self.at + way / self.scale
         if self.contact:
             self.moves.append((self.time, way))
-            self.since_rest = self.since_rest + way
         del self.moves[:-60]
         self.say()
 
@@ -70,10 +66,9 @@ class PenPlayer(Player):
 
     def end(self, sight: Sight) -> Array:
         """Where the drawn path ends now, as the sight and the own hand tell."""
-        if sight.path is None or self.rested:
-            return np.asarray(sight.figure + self.since_rest)
         late = [way for time, way in self.moves if time > sight.time]
-        return np.asarray(sight.path + (np.sum(late, axis=0) if late else 0.0))
+        base = sight.figure if sight.path is None else sight.path
+        return np.asarray(base + (np.sum(late, axis=0) if late else 0.0))
 
     def situation(self) -> tuple[Sight, Route, Array, float]:
         """Sight, way, where the path ends and its arc length."""
@@ -115,7 +110,6 @@ class PenPlayer(Player):
             angle = drift.step(1.0 / HZ)
             c, s = cos(angle), sin(angle)
             way = np.array([c * way[0] - s * way[1], s * way[0] + c * way[1]])
-            self.rested = self.rested and hypot(*self.since_rest) < 0.12
             self.shift(way / max(hypot(*way), 1e-6) * self.speed / HZ)
             yield
         yield from self.pause(0.2)
@@ -187,9 +181,14 @@ class PenPlayer(Player):
         self.say()
         yield from self._fly(goal, self.aimed(far))
         self.contact = True
-        self.since_rest, self.rested = np.zeros(2), True
         self.moves.clear()
         self.say()
+
+    def make_room(self, over: float) -> Acting:
+        """Set the pen down elsewhere where the tablet has not room for so many m of the way."""
+        _, route, _, arc = self.situation()
+        if not self._room(route.at(arc + over) - route.at(arc)):
+            yield from self.carry(route.way(arc, 1.0))
 
     def still(self, most: float = 4.0) -> Acting:
         """Hold the pen until the figure has come to rest."""
@@ -206,6 +205,7 @@ class PenPlayer(Player):
             yield from self.let_by(act)
             return
         if act.thing is not None:
+            yield from self.make_room(LEAP)
             yield from self.still()
             yield from self.moment(act)
         elif self.speed > 0.0:
@@ -229,7 +229,7 @@ class PenPlayer(Player):
             if self._jumps(act):
                 good = self.under(act, route, arc, lag, ago)
             else:
-                good = self.clear(act, route, lag + 0.70, lag + 1.50, ago)
+                good = self.clear(act, route, lag + ALOFT[0], lag + ALOFT[1], ago)
             if good:
                 break
             yield from self.pause(0.05)
@@ -254,30 +254,34 @@ class PenPlayer(Player):
                 self.arc = here
                 return
         self.arc = None  # it did not jump: look again
-        self.since_rest, self.rested = np.zeros(2), True
 
     def let_by(self, act: Act) -> Acting:
         """Go on when the pillar will be beside the way; wait with a resting pen until then."""
         assert act.thing is not None
         begun, ago = self.time, self.person.delay
-        first = True
+        yield from self.make_room(act.high + BODY + 0.3 - act.hold)
+        waited = False
         while self.time - begun < PATIENCE:
             sight, route, _, arc = self.situation()
             figure = route.nearest(sight.figure, arc - 0.5, 4.0)
-            pace = hypot(*self.velocity(ago))
-            left = act.low - figure
-            if first and self.speed > 0.3 and pace > 0.5:
+            left, pace = act.low - figure, hypot(*self.velocity(ago))
+            if not waited and self.speed > 0.5 and pace > 0.5:
+                pace = 0.5 * (pace + self.speed)
                 begin, end = (left - BODY) / pace - ago, (left + BODY) / pace - ago
             else:
-                lag = (0.0 if first else self.person.reaction) + 0.75 / (self.scale * self.person.hurry) + 0.15
+                if not waited:
+                    yield from self.still()
+                    waited = True
+                    continue
+                lag = self.person.reaction + 0.75 / (self.scale * self.person.hurry) + 0.15
                 begin, end = self.setting_off(left - BODY, lag), self.setting_off(left + BODY, lag)
             if self.clear(act, route, begin, end, ago):
                 break
-            first = False
-            self.speed = 0.0
+            if not waited:
+                yield from self.still()
+                waited = True
             yield from self.pause(0.05)
-        if not first:
+        if waited:
             yield from self.pause(self.person.reaction)
-            self.since_rest, self.rested = np.zeros(2), hypot(*self.velocity(ago)) < 0.1
         self.crossed.add(act.thing)
         self.dash = act.high + 0.6

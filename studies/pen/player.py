@@ -24,7 +24,10 @@ BODY = 0.50  # m before and behind a thing's crossing in which it would be touch
 BESIDE = 0.62  # m beside the way at which a pillar is no danger
 BEFORE = 0.80  # m before a crossing at which one waits
 START = 1.7  # m/s² with which a figure sets off, as users have learnt
-TAKEOFF = (0.75, 1.45)  # s from a jump's order until it is in the air, and down again
+TAKEOFF = (0.75, 1.45)
+"""s from a jump's order until it is in the air, and down again."""
+ALOFT = (0.30, 1.90)
+"""s from a jump's order in which arms and body reach out farther than a standing figure's."""
 PATIENCE = 15.0  # s
 LEAP = 1.1  # m of a jump over a bar
 BAR = 0.42  # m before a bar's track at which one jumps
@@ -183,7 +186,7 @@ class Player(Node):
             inside = None
             for number, thing in enumerate(sight.things):
                 low, high = route.crossing(thing)
-                if thing.asks == "" and gap.off - 0.4 < low < gap.on + 0.4:
+                if thing.asks == "" and gap.off - 0.4 < low < gap.on + 0.9:
                     bound.add(number)
                     inside = number
             found.append(Act(gap.off, gap, inside, gap.off, gap.on))

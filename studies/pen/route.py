@@ -11,7 +11,7 @@ from .sight import Thing
 Array = NDArray[np.float64]
 STEP = 0.05  # m between samples of the way
 LEAST_GAP = 0.15  # m between tiles that nobody walks over
-FOOT = 0.22  # m that a foot reaches before the hips
+FOOT = 0.27  # m that a foot reaches before the hips when it pushes off
 LANDING = 0.35  # m beyond a far edge at which one lands
 
 
