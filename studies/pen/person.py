@@ -12,7 +12,7 @@ class Person:
 
     reaction: float = 0.26  # s from what is seen to a chosen act (choice reaction, 0.2-0.4 s)
     delay: float = 0.15  # s from what is seen to a correction while steering (visual delay, 0.1-0.2 s)
-    timing: float = 0.08  # s, standard deviation of when a moving thing is expected somewhere
+    timing: float = 0.12  # s, standard deviation of when a moving thing is expected somewhere
     hand: float = 0.11  # m/s of a pen that draws at ease
     hurry: float = 0.20  # m/s of a pen that has to get past something
     narrow: float = 0.30  # s: a way drawn W m wide is drawn at most at W / narrow (the steering law's form)

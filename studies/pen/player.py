@@ -21,7 +21,7 @@ Acting = Generator[None, None, None]
 HZ = 60.0
 GLANCE = 2  # ticks between two glances
 BODY = 0.50  # m before and behind a thing's crossing in which it would be touched
-BESIDE = 0.62  # m beside the way at which a pillar is no danger
+BESIDE = 0.58  # m beside the way at which a pillar is no danger
 BEFORE = 0.80  # m before a crossing at which one waits
 START = 1.7  # m/s² with which a figure sets off, as users have learnt
 TAKEOFF = (0.75, 1.45)
@@ -51,6 +51,7 @@ class Player(Node):
     name = "player"
     journal = False
     seed: int = param(0, low=0, high=1_000_000, doc="which person")
+    leave: bool = param(False, doc="end when the goal is reached")
 
     def setup(self) -> None:
         self.person = someone(self.seed)
@@ -108,6 +109,8 @@ class Player(Node):
         if next(self.acting, "over") == "over":
             self.done = True
             self.rest()
+            if self.leave:
+                self.stop(0)
 
     def play(self) -> Acting:
         """What the user does, one tick a step."""
