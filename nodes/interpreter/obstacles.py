@@ -20,6 +20,14 @@ BODY = 0.38
 """m from a walking figure's middle to what it keeps clear: half its shoulders, the arms' swing and a margin."""
 NOTICE = 4.0
 """m of path ahead of the figure in which obstacles are minded."""
+FORESEEN = 2.0
+"""s ahead for which something that moves is taken to go on as it does."""
+KNOWN = 4.0
+"""s ahead for which the way of an obstacle of a file, which comes again and again, is known."""
+CROSSING = 0.35
+"""m/s across the path from which something is given time to pass instead of being gone round."""
+PACES = (1.0, 0.85, 1.15, 0.7, 1.35, 0.5, 1.6, 0.3, 0.12, 0.02)
+"""Shares of the speed that are tried, so that what crosses the path has passed, or not yet come."""
 CARE = 0.7
 """Share of the speed that is kept beside an obstacle."""
 MOST = 64
@@ -40,6 +48,21 @@ class Obstacle:
     radius: float
     vx: float = 0.0  # m/s
     vz: float = 0.0
+    way: "Placed | None" = None
+    """Where its motion is known beforehand."""
+    time: float = 0.0  # s
+
+    @property
+    def foreseen(self) -> float:
+        """s ahead that `after` can be relied on."""
+        moves = self.vx or self.vz
+        return (FORESEEN if self.way is None else KNOWN) if moves else float("inf")
+
+    def after(self, seconds: Array) -> Array:
+        """Where it will be (n, 2; m) in some (n) s."""
+        if self.way is not None:
+            return np.array([(one.x, one.z) for one in (self.way.now(self.time + dt) for dt in seconds.tolist())])
+        return np.asarray(np.array([self.x, self.z]) + seconds[:, None] * np.array([self.vx, self.vz]))
 
 
 @dataclass(frozen=True)
@@ -61,8 +84,9 @@ class Placed:
         share, sign = (phase, 1.0) if phase < 1.0 else (2.0 - phase, -1.0)
         dx, dz = self.to[0] - self.at[0], self.to[1] - self.at[1]
         speed = sign / self.seconds
-        return Obstacle(self.name, self.at[0] + share * dx, self.at[1] + share * dz, self.radius, speed * dx,
-                        speed * dz)  # fmt: skip
+        return Obstacle(
+            self.name, self.at[0] + share * dx, self.at[1] + share * dz, self.radius, speed * dx, speed * dz, self, time
+        )  # fmt: skip
 
 
 class Heard:
@@ -155,27 +179,30 @@ def detour(
         places: (n, 2) m, x and z. ahead: (n,) m of path from the figure, negative behind it.
         eta: (n,) s until the figure is there. sides: kept from call to call, so that a side once chosen is passed.
 
-    Where a point, when the figure will be there, is nearer to an obstacle than its radius and the body's, the path
-    bulges sideways by what is missing; the bulge is as long as it has to be for the widest place.
+    What moves is given time to pass, by the share of `PACES` nearest to 1 that keeps the figure clear of it. Where a
+    point is still nearer to an obstacle than its radius and the body's, when the figure will be there, the path bulges
+    sideways by what is missing, except for what crosses it. The bulge is as long as it has to be for the widest place.
     """
     out, free = np.array(places), np.ones(len(places))
+    moving = [one for one in obstacles if one.vx or one.vz]
+    if moving:
+        free *= _pace(places, ahead, eta, moving)
+        eta = eta / float(free[0])
     for _ in range(3):
         moved = False
         for one in obstacles:
-            clear = one.radius + BODY
-            there = np.array([one.x, one.z]) + np.minimum(eta, 6.0)[:, None] * np.array([one.vx, one.vz])
-            off = out - there
+            off, minded = _beside(out, ahead, eta, one)
             away = np.hypot(off[:, 0], off[:, 1])
-            minded = (ahead > 0.0) & (ahead < NOTICE)
+            clear = one.radius + BODY
             if not minded.any() or float(away[minded].min()) >= clear - 1e-3:
                 if not minded.any() or float(away[minded].min()) > clear + 1.0:
                     sides.pop(one.name, None)
                 continue
             k = int(np.argmin(np.where(minded, away, np.inf)))
-            way = out[min(k + 2, len(out) - 1)] - out[max(k - 2, 0)]
-            way = way / max(float(np.hypot(*way)), 1e-9)
-            left = np.array([way[1], -way[0]])
+            left = _left(out, k)
             beside = float(off[k] @ left)
+            if _crosses(one, left):
+                continue
             side = sides.setdefault(one.name, 1 if beside >= 0.0 else -1)
             lack = clear - side * beside
             half = max(2.2 * clear, 2.5 * lack)
@@ -187,6 +214,42 @@ def detour(
         if not moved:
             break
     return out, free
+
+
+def _beside(places: Array, ahead: Array, eta: Array, one: Obstacle) -> tuple[Array, NDArray[np.bool_]]:
+    """Each place from where an obstacle will be then (n, 2; m), and which places are minded."""
+    minded = (ahead > 0.0) & (ahead < NOTICE) & (eta < one.foreseen)
+    off = np.full_like(places, np.inf)
+    off[minded] = places[minded] - one.after(eta[minded])
+    return off, minded
+
+
+def _left(places: Array, k: int) -> Array:
+    """The direction to the left of a path at one of its points."""
+    way = places[min(k + 2, len(places) - 1)] - places[max(k - 2, 0)]
+    way = way / max(float(np.hypot(*way)), 1e-9)
+    return np.array([way[1], -way[0]])
+
+
+def _crosses(one: Obstacle, left: Array) -> bool:
+    return abs(float(np.array([one.vx, one.vz]) @ left)) > CROSSING
+
+
+def _pace(places: Array, ahead: Array, eta: Array, moving: Sequence[Obstacle]) -> float:
+    best, widest = 1.0, -np.inf
+    for pace in PACES:
+        room = np.inf
+        for one in moving:
+            off, minded = _beside(places, ahead, eta / pace, one)
+            away = np.hypot(off[:, 0], off[:, 1])
+            k = int(np.argmin(away))
+            if minded.any() and _crosses(one, _left(places, k)):
+                room = min(room, float(away[k]) - one.radius - BODY)
+        if room >= 0.0:
+            return pace
+        if room > widest + 0.05:
+            best, widest = pace, room
+    return best
 
 
 __all__ = ["BODY", "Heard", "Obstacle", "ObstacleError", "Placed", "detour", "load", "shown"]

@@ -220,8 +220,8 @@ class PenCore:
                 self._queue.append(self._locomotion(walk, scene))
             self.walk = None
             self._said = None
-        elif walk.place - walk.points[0].arc > 8.0 * self.rules.behind:
-            keep = walk.place - 4.0 * self.rules.behind  # more than is said: the natural path looks back
+        elif walk.place - walk.points[0].arc > 12.0 * self.rules.behind:
+            keep = walk.place - 8.0 * self.rules.behind  # more than is said: the natural path looks back
             first = next(k for k, one in enumerate(walk.points) if one.arc >= keep)
             if first > 400:
                 del walk.points[:first]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.msgs import PathPoint
-from bunraku.nodes.interpreter.obstacles import Obstacle, detour
+from bunraku.nodes.interpreter.obstacles import NOTICE, Obstacle, detour
 from bunraku.nodes.interpreter.pen_ground import Point, distance, duck_of, in_heading
 from bunraku.nodes.interpreter.pen_rules import PenRules
 from bunraku.nodes.interpreter.pen_stroke import StrokePoint
@@ -87,7 +87,7 @@ def minimum_jerk(places: Array, width: float, spacing: float, most: float) -> Ar
     a wave number k; a corner of the angle a is cut by 2/3 width sin(a/2). No place moves farther than ``most`` m.
     """
     count = len(places)
-    radius = min(ceil(6.0 * width / spacing), 4 * count)
+    radius = min(ceil(12.0 * width / spacing), 8 * count)
     if count < 3 or radius < 1:
         return places
     s = np.abs(np.arange(-radius, radius + 1)) * spacing / width
@@ -161,21 +161,29 @@ def lay(
     at = grid(begin, walk.length, rules.spacing)
     places, style = averaged(walk.points, at, rules)
     if natural:
-        whole = grid(max(walk.points[0].arc, begin - 6.0 * rules.natural_width), walk.length, rules.spacing)
+        whole = grid(max(walk.points[0].arc, begin - 10.0 * rules.natural_width), walk.length, rules.spacing)
         drawn = averaged(walk.points, whole, rules)[0]
         places = minimum_jerk(drawn, rules.natural_width, rules.spacing, rules.natural_most)[-len(at) :]
     speeds = np.clip(style[:, 0], rules.slowest, rules.fastest)
+    before = np.append(0.0, np.diff(at)) * (at > walk.place)
+    speeds = hurried(speeds, before, walk.lag(now, rules), rules)
+    free: Array | None = None
     if obstacles:
-        eta = np.cumsum(np.append(0.0, np.diff(at) / speeds[1:])) * (at > walk.place)
-        places, free = detour(places, at - walk.place, eta - eta[np.searchsorted(at, walk.place) - 1], obstacles,
-                              walk.sides)  # fmt: skip
-        speeds = np.maximum(speeds * free, rules.slowest)
+        # A pen that is still drawing is taken to go on straight: nobody walks up to where something comes by.
+        more = 0 if walk.complete else round(NOTICE / rules.spacing)
+        way = (places[-1] - places[max(len(places) - 4, 0)]) / max(min(3, len(places) - 1), 1)
+        further = places[-1] + np.arange(1, more + 1)[:, None] * way
+        eta = np.cumsum(np.append(before / speeds, np.full(more, rules.spacing / speeds[-1])))
+        ahead = np.append(at, at[-1] + rules.spacing * np.arange(1, more + 1)) - walk.place
+        places, free = detour(np.concatenate([places, further]), ahead, eta, obstacles, walk.sides)
+        places, free = places[: len(at)], free[: len(at)]
     if natural or obstacles:
         places = _joined(walk, at, places, rules)
     gaps = np.append(0.0, np.hypot(*np.diff(places, axis=0).T))
-    speeds = hurried(speeds, gaps * (at > walk.place), walk.lag(now, rules), rules)
     if natural:
         speeds = slowed(speeds, places, gaps, rules)
+    if free is not None:
+        speeds = speeds * free
     start = _own_arc(walk, at)
     walk.laid = np.column_stack([at, places, start + np.cumsum(gaps)])
     ways = np.gradient(places, axis=0)
@@ -199,14 +207,12 @@ def _own_arc(walk: Walk, at: Array) -> float:
 def _joined(walk: Walk, at: Array, places: Array, rules: PenRules) -> Array:
     """A changed path that begins as the one before where the figure is already, and passes over softly."""
     said = walk.laid[: max(len(walk.laid) - 1, 0)]  # the end moves while the path grows
-    said = said[said[:, 0] <= walk.place + rules.settled]
     if len(said) < 2:
         return places
-    out = np.array(places)
-    kept = at <= said[-1, 0] + 1e-9
-    for k in range(2):
-        out[kept, k] = np.interp(at[kept], said[:, 0], said[:, 1 + k])
-        now = float(np.interp(said[-1, 0], at, places[:, k]))
-        share = np.clip((at[~kept] - said[-1, 0]) / rules.join, 0.0, 1.0)
-        out[~kept, k] += (said[-1, 1 + k] - now) * (1.0 - share * share * (3.0 - 2.0 * share))
-    return out
+    front = walk.place + rules.settled
+    soft = max(min(rules.join, float(at[-1]) - front), 1e-6)
+    share = np.clip((at - front) / soft, 0.0, 1.0)
+    share = share * share * (3.0 - 2.0 * share)
+    share[at > said[-1, 0] + 1e-9] = 1.0
+    before = np.stack([np.interp(at, said[:, 0], said[:, 1 + k]) for k in range(2)], axis=1)
+    return np.asarray(before + share[:, None] * (places - before))

@@ -67,11 +67,11 @@ class PenRules:
     """Times the pen's speed at most: a slow path stays a slow one."""
     say_again: float = 0.2
     """s between two messages of a path that does not grow, while the figure lags or something is in its way."""
-    natural_width: float = 0.50
+    natural_width: float = 0.70
     """m over which a path is smoothed where it is walked as people do (an option)."""
-    natural_most: float = 0.40
+    natural_most: float = 0.80
     """m that a natural path leaves the drawn one at most."""
-    sideways: float = 2.0
+    sideways: float = 2.5
     """m/s² that people accelerate sideways at most, on a natural path."""
     settled: float = 0.35
     """m of path before the figure that are not changed any more."""
