@@ -1,42 +1,28 @@
 """The stage page in a real browser (Chromium, headless) on the real processes: what hands do there arrives here."""
 
-import contextlib
-import io
 import os
-import shutil
 import signal
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import msgpack
+import av
 import numpy as np
 import pytest
-import zmq
+import trimesh
+from pages import BROWSER, SHOTS, Ear, Hall, Person, teal
 from PIL import Image
 
 from bunraku.runtime.control import ask
-from bunraku.runtime.names import endpoint, file_of
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
 pytestmark = [
     pytest.mark.peer,
     pytest.mark.stack,
     pytest.mark.timeout(300),
     pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
 ]
-FLAGS = [
-    "--no-sandbox", "--disable-gpu-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist",
-]  # fmt: skip
-SHOTS = os.environ.get("BUNRAKU_SHOTS")
-"""A folder for the pictures, to be looked at."""
-
 LAUNCH = '''"""The page and everything that it drives."""
 from bunraku.runtime.launch import NodeSpec, node
 
@@ -47,169 +33,19 @@ def launch() -> list[NodeSpec]:
         node("recorder"), node("input_touch", params={"drivers": ["web"]}),
         node("input_pen", params={"drivers": ["web"]}), node("input_hand", params={"drivers": ["web"]}),
         node("interpreter"), node("controller"),
-        node("web", params={"port": PORT, "takes": "TAKES"}, respawn=True),
+        node("web", params={"port": 0, "takes": "TAKES"}, respawn=True),
     ]
 '''
 
 
-class Ear:
-    """Hears one topic from the beginning of a test."""
-
-    def __init__(self, folder: Path, topic: str) -> None:
-        self.context: zmq.Context[Any] = zmq.Context()
-        self.socket: zmq.Socket[bytes] = self.context.socket(zmq.SUB)
-        self.socket.setsockopt(zmq.RCVHWM, 0)
-        self.socket.subscribe(b"")
-        self.socket.connect(endpoint(file_of(folder, topic)))
-        self.heard: list[dict[str, Any]] = []
-
-    def listen(self) -> list[dict[str, Any]]:
-        """All that came so far."""
-        while self.socket.poll(0):
-            self.heard.append(msgpack.unpackb(self.socket.recv()))
-        return self.heard
-
-    def close(self) -> None:
-        self.socket.close(0)
-        self.context.term()
-
-
-class Hall:
-    """A running stage and where to find it."""
-
-    def __init__(self, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port: int = probe.getsockname()[1]
-        self.takes = folder / "takes"
-        file = folder / "page.py"
-        file.write_text(LAUNCH.replace("PORT", str(self.port)).replace("TAKES", str(self.takes)))
-        run = folder / "r"
-        run.mkdir(mode=0o700)
-        self.folder = run / "bunraku" / "page"
-        environment = {**os.environ, "XDG_RUNTIME_DIR": str(run), "BUNRAKU_STAGE": "page"}
-        self.log = (folder / "log").open("w+")
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "bunraku.cli", "launch", str(file)], env=environment, stdout=self.log,
-            stderr=subprocess.STDOUT, cwd=folder, start_new_session=True,
-        )  # fmt: skip
-        try:
-            self.until(lambda: "nodes up" in self.said(), 200.0)  # kernels may be compiled first
-        except AssertionError:
-            self.close()
-            raise
-
-    @property
-    def link(self) -> str:
-        return f"http://127.0.0.1:{self.port}/"
-
-    def until(self, condition: Callable[[], bool], seconds: float = 30.0) -> None:
-        end = time.monotonic() + seconds
-        while not condition():
-            assert self.process.poll() is None, self.said()
-            assert time.monotonic() < end, self.said()
-            time.sleep(0.05)
-
-    def said(self) -> str:
-        self.log.flush()
-        return Path(self.log.name).read_text()[-4000:]
-
-    def web_pid(self) -> int:
-        import json
-
-        return int(json.loads(file_of(self.folder, "web/events", ".json").read_text())["pid"])
-
-    def close(self) -> None:
-        self.process.send_signal(signal.SIGINT)
-        try:
-            self.process.wait(20.0)
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self.process.pid, signal.SIGKILL)
-            self.log.close()
-
-
-class Person:
-    """Someone at a page."""
-
-    def __init__(self, browser: Any, hall: Hall, **options: Any) -> None:
-        options = {"viewport": {"width": 960, "height": 640}, "has_touch": True, **options}
-        self.hall = hall
-        self.context = browser.new_context(**options)
-        self.page = self.context.new_page()
-        self.faults: list[str] = []
-        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
-        self.page.on("console", lambda line: self.faults.append(line.text) if line.type == "error" else None)
-        self.requests: list[str] = []
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.cdp = self.context.new_cdp_session(self.page)
-        self.open()
-
-    def open(self) -> None:
-        self.page.goto(self.hall.link)
-        self.until("bunraku.stage.figures.size && bunraku.stage.shown.seq >= 0 && bunraku.here.role")
-
-    def ask(self, expression: str, value: Any = None) -> Any:
-        return self.page.evaluate(expression, value) if value is not None else self.page.evaluate(expression)
-
-    def until(self, condition: str, seconds: float = 30.0) -> None:
-        """Wait for something on the page (its policy forbids the waiting that the driver would do there)."""
-        end = time.monotonic() + seconds
-        while not self.ask(f"!!(window.bunraku && ({condition}))"):
-            assert time.monotonic() < end, f"{condition} did not come; {self.faults}; {self.hall.said()}"
-            self.page.wait_for_timeout(40)
-
-    def where(self, role: str) -> tuple[float, float]:
-        """Pixels of the page where a joint is seen."""
-        x, y = self.ask(
-            """async role => {
-              const {stage} = bunraku, view = await import('/view.js'), r = stage.picture();
-              const q = view.project(view.viewOf(stage.camera), stage.figures.get(0).place(role));
-              return [r.left + q.x * r.width, r.top + q.y * r.height];
-            }""",
-            role,
-        )
-        return float(x), float(y)
-
-    def fingers(self, kind: str, *places: tuple[float, float], force: float = 0.4) -> None:
-        points = [
-            {"x": x, "y": y, "id": i, "radiusX": 9, "radiusY": 6, "rotationAngle": 20, "force": force}
-            for i, (x, y) in enumerate(places)
-        ]
-        self.cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-
-    def pen(self, kind: str, x: float, y: float, **more: Any) -> None:
-        event = {"type": kind, "x": x, "y": y, "pointerType": "pen", **more}
-        self.cdp.send("Input.dispatchMouseEvent", event)
-
-    def shot(self, name: str) -> np.ndarray:
-        """The page as it is seen, (h, w, 3)."""
-        data = self.page.screenshot()
-        if SHOTS:
-            Path(SHOTS).mkdir(parents=True, exist_ok=True)
-            (Path(SHOTS) / f"{name}.png").write_bytes(data)
-        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
-
-    def reset(self) -> None:
-        self.page.get_by_role("button", name="Reset").click()
-
-    def close(self) -> None:
-        self.context.close()
-
-
 @pytest.fixture(scope="module")
 def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
-    one = Hall(tmp_path_factory.mktemp("p"))
+    folder = tmp_path_factory.mktemp("p")
+    file = folder / "page.py"
+    file.write_text(LAUNCH.replace("TAKES", str(folder / "takes")))
+    one = Hall(folder, [str(file)])
     yield one
     one.close()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as driver:
-        one = driver.chromium.launch(executable_path=BROWSER, args=FLAGS)
-        yield one
-        one.close()
 
 
 @pytest.fixture
@@ -233,13 +69,6 @@ def ear(hall: Hall) -> Iterator[Callable[[str], Ear]]:
     yield listen
     for one in made:
         one.close()
-
-
-def teal(picture: np.ndarray, at: tuple[float, float], reach: int = 45) -> int:
-    """Pixels of the left hand's colour around a place."""
-    x, y = round(at[0]), round(at[1])
-    r, g, b = (picture[max(0, y - reach) : y + reach, max(0, x - reach) : x + reach, k] for k in range(3))
-    return int(((g - r > 40) & (b - r > 40)).sum())
 
 
 def test_two_fingers_drag_hand_and_pelvis(person: Person, ear: Callable[[str], Ear]) -> None:
@@ -470,9 +299,38 @@ def test_a_take_is_recorded_scrubbed_played_and_saved(person: Person, hall: Hall
         page.locator("#download").select_option("mcap")
     name = saved.value.suggested_filename
     assert (hall.takes / name).read_bytes() == Path(saved.value.path()).read_bytes()
-    with page.expect_download(timeout=60_000) as saved:
-        page.locator("#download").select_option("bvh")
-    assert Path(saved.value.path()).read_text().startswith("HIERARCHY")
+    made: dict[str, Path] = {}
+    for form in ("bvh", "glb", "mp4"):
+        with page.expect_download(timeout=200_000) as saved:
+            page.locator("#download").select_option(form)
+            if form == "mp4":
+                person.until(
+                    "/Making the film: filming [1-9]/.test(document.getElementById('makingtext').textContent)", 150
+                )
+                person.shot("take-filming")
+        assert saved.value.suggested_filename == name.replace("mcap", form)
+        made[form] = Path(saved.value.path())
+        person.until("document.getElementById('making').hidden")
+    assert made["bvh"].read_text().startswith("HIERARCHY")
+    figure = next(iter(trimesh.load(made["glb"], file_type="glb").geometry.values()))
+    assert figure.bounds[1][1] > 1.2
+    with av.open(str(made["mp4"])) as film:
+        frames = [frame.to_ndarray(format="rgb24").astype(float) for frame in film.decode(video=0)]
+    assert frames[0].shape == (720, 1280, 3)
+    assert len(frames) > 20
+    assert min(frame.mean() for frame in frames) > 100
+    assert np.abs(frames[-1] - frames[0]).max() > 60
+    if SHOTS:
+        for k in (0, len(frames) // 2, len(frames) - 1):
+            Image.fromarray(frames[k].astype(np.uint8)).save(Path(SHOTS) / f"take-film-{k}.png")
+    page.locator("#download").select_option("mp4")
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_text("Not saved.").wait_for()
+    assert page.locator("#making").is_hidden()
+    assert page.locator("#download").is_enabled()
+    (hall.takes / name).unlink()
+    page.locator("#download").select_option("glb")
+    page.get_by_text("is not there any more").wait_for()
     page.locator("#takes").select_option("")
     person.until("bunraku.stage.replay === null")
 
