@@ -18,7 +18,11 @@ from PIL import Image, ImageDraw
 
 from bunraku.figure.default import default_figure
 from bunraku.motion import rotation as rot
+from bunraku.motion.analysis_contacts import contacts
 from bunraku.motion.analysis_gait import gait_cycles
+from bunraku.motion.build import Source
+from bunraku.motion.build_edit import closed, repeated
+from bunraku.motion.build_plan import best_loop
 from bunraku.motion.bvh import read_bvh
 from bunraku.motion.clip import Clip
 from bunraku.motion.parameters import cycle_path
@@ -34,10 +38,10 @@ UNITS = {"root height": "cm", "sway": "cm", "ankle height": "cm", "ankle ahead":
 
 # title: gait made, captures at about that speed
 SETS: dict[str, tuple[float, bool, tuple[str, ...]]] = {
-    "slow walk": (0.70, False, ("walk_slow_8609", "walk_slow_8601", "dm_zombie_walk")),
+    "slow walk": (0.70, False, ("walk_slow_8609", "walk_slow_8601")),
     "walk": (1.30, False, ("walk_normal_0201", "walk_0702", "walk_0706", "walk_0707", "walk_0102", "walk_0703")),
     "brisk walk": (1.75, False, ("walk_brisk_0202", "walk_0709", "walk_0710", "walk_0711", "walk_0712")),
-    "run": (3.2, True, ("jog_0203", "run_0906", "dm_jog", "dm_run")),
+    "run": (3.2, True, ("jog_0203", "run_0906", "run_0905", "run_0911", "dm_jog")),
 }
 
 
@@ -70,7 +74,7 @@ def curves(clip: Clip, start: float, end: float) -> tuple[Curves, float, float]:
     out = {
         "thigh": thigh,
         "knee": thigh - shin,
-        "foot pitch": np.degrees(np.arcsin(toe[:, 1])),
+        "foot pitch": np.degrees(np.unwrap(np.arctan2(toe[:, 1], (toe * ahead).sum(-1)))),
         "ankle ahead": 100.0 * (ankle * ahead).sum(-1),
         "ankle height": 100.0 * (places[:, joint("leftFoot"), 1] - places[:, joint("leftFoot"), 1].min()),
         "root height": 100.0 * (places[:, 0, 1] - places[:, 0, 1].mean()),
@@ -90,9 +94,21 @@ def generated(gait: Gait) -> tuple[Curves, float, float]:
 
 
 def captured(name: str) -> list[tuple[Curves, float, float]]:
-    """All whole cycles of a capture."""
+    """All whole cycles of a capture, of both sides; of a short one the cycle that closes best, repeated."""
     clip = read_bvh(FOLDER / "clips" / f"{name}.bvh")
-    return [curves(clip, cycle.keys[0], cycle.keys[-1]) for cycle in gait_cycles(clip)]
+    sides = (clip, clip.mirrored())
+    found = [(one, cycle) for one in sides for cycle in gait_cycles(one)]
+    if not found:
+        source = Source(name, clip, contacts(clip))
+        loop = best_loop(source)
+        if loop is not None:
+            first, last = loop
+            flags = source.flags[first : last + 1]
+            whole = repeated(closed(clip.slice(first, last + 1)), 3)
+            on = np.concatenate([flags, flags[1:], flags[1:]])
+            for one, feet in ((whole, on), (whole.mirrored(), on[:, ::-1])):
+                found += [(one, cycle) for cycle in gait_cycles(one, feet)[:1]]
+    return [curves(one, cycle.keys[0], cycle.keys[-1]) for one, cycle in found]
 
 
 def panel(draw: ImageDraw.ImageDraw, at: tuple[int, int], name: str, made: Array, real: list[Array]) -> None:

@@ -164,7 +164,7 @@ def _cycles(source: Source, stem: str) -> list[Piece]:
                 out.append(Piece("locomotion", label, source.file, cycle.keys, mirrored=mirrored))
     if any(not piece.mirrored and _piece_gap(piece, source) <= LIMITS.cycle_gap for piece in out):
         return out
-    loop = _best_loop(source)
+    loop = best_loop(source)
     if loop is None:
         return out
     first, last = loop
@@ -190,7 +190,7 @@ def _ahead(source: Source, first: int, last: int) -> bool:
     return along > LIMITS.slowest * (last - first) / source.clip.fps and np.arctan2(across, along) < LIMITS.off_course
 
 
-def _best_loop(source: Source) -> tuple[int, int] | None:
+def best_loop(source: Source) -> tuple[int, int] | None:
     """The two frames, a cycle apart, whose poses are most alike."""
     clip = source.clip
     low, high = (round(t * clip.fps) for t in LIMITS.loop)

@@ -60,7 +60,8 @@ class Path:
         slowing down by ``brake`` (m/s²) toward them."""
         squares = (turning / np.maximum(np.abs(self.bends), 1e-6)) ** 2
         room = 2.0 * brake * SPACING * np.arange(len(squares))
-        return np.sqrt(np.minimum.accumulate((squares + room)[::-1])[::-1] - room)
+        capped = np.minimum.accumulate((squares + room)[::-1])[::-1] - room
+        return np.asarray(np.sqrt(capped), dtype=np.float64)
 
     def point(self, s: float) -> int:
         """Index of the point at or just before arc length ``s``."""

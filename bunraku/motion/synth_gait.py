@@ -66,14 +66,21 @@ class Gait:
     reach: float = 0.9985  # of the leg's length, at most, while standing
 
 
+ROUND = 0.014
+"""Share of a cycle over which published curves are rounded: between their keys they have no jumps of acceleration."""
+
+
 def curve(keys: ArrayLike, phase: Array) -> Array:
-    """A closed curve through (phase, value) rows, monotone between neighbouring keys (PCHIP)."""
+    """A closed curve by (phase, value) rows, monotone between neighbouring keys (PCHIP) and rounded a little."""
     from scipy.interpolate import PchipInterpolator
 
     rows = np.asarray(keys, dtype=np.float64)
     rows = rows[np.argsort(rows[:, 0])]
     x = np.concatenate([rows[:, 0] - 1.0, rows[:, 0], rows[:, 0] + 1.0])
-    return np.asarray(PchipInterpolator(x, np.tile(rows[:, 1], 3))(np.mod(phase, 1.0)), dtype=np.float64)
+    through = PchipInterpolator(x, np.tile(rows[:, 1], 3))
+    nodes, shares = np.polynomial.hermite_e.hermegauss(7)
+    at = np.asarray(phase, dtype=np.float64)[..., None] + ROUND * nodes
+    return np.asarray(through(np.mod(at, 1.0)) @ (shares / shares.sum()), dtype=np.float64)
 
 
 def blend(x: ArrayLike, low: float, high: float) -> Array:
@@ -107,7 +114,7 @@ def walking(speed: float, **changes: float) -> Gait:
         elbow=float(np.interp(speed, [0.0, 1.3, 2.2], [17.0, 22.0, 42.0])),
         elbow_swing=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [1.0, 5.0, 11.0, 15.0])),
         heel_pitch=float(np.interp(speed, [0.0, 0.4, 1.3, 2.2], [-4.0, 9.0, 23.0, 28.0])),
-        toe_pitch=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [22.0, 46.0, 60.0, 66.0])),
+        toe_pitch=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [17.0, 42.0, 52.0, 58.0])),
         thigh=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [0.45, 0.74, 1.0, 1.15])),
         clearance=0.012 + 0.025 * slow,
         above=0.385,
@@ -121,14 +128,14 @@ def running(speed: float, **changes: float) -> Gait:
     gait = Gait(
         speed=speed,
         cycle=0.76 - 0.07 * fast,
-        stance=0.40 - 0.10 * fast,
+        stance=0.345 - 0.085 * fast,
         running=1.0,
         width=0.055,
         toe_out=5.0,
-        bob=0.095 - 0.015 * fast,
+        bob=0.105 - 0.015 * fast,
         sway=0.018,
         surge=0.006,
-        pelvis_turn=6.0 + 3.0 * fast,
+        pelvis_turn=3.5 + 2.0 * fast,
         pelvis_list=4.5,
         pelvis_tilt=6.0,
         chest_turn=8.0 + 3.0 * fast,
@@ -139,10 +146,10 @@ def running(speed: float, **changes: float) -> Gait:
         elbow_swing=14.0,
         abduct=13.0,
         heel_pitch=8.0,
-        toe_pitch=58.0 + 8.0 * fast,
+        toe_pitch=50.0 + 6.0 * fast,
         thigh=0.88 + 0.22 * fast,
         clearance=0.02,
-        above=0.315,
+        above=0.345,
         reach=0.987,
     )
     return replace(gait, **changes)
@@ -165,8 +172,8 @@ def swing_angles(gait: Gait, phase: Array) -> tuple[Array, Array]:
                  (at(0.78), 19.0), (at(0.94), 6.0)]  # fmt: skip
     thigh_run = [(0.0, 21.0), (0.5 * s, 5.0), (at(0.0), -24.0), (at(0.10), -20.0), (at(0.45), 16.0), (at(0.72), 32.0),
                  (at(0.88), 25.0)]  # fmt: skip
-    knee_run = [(0.0, 22.0), (0.5 * s, 42.0), (at(0.0), 20.0), (at(0.38), 96.0), (at(0.60), 76.0), (at(0.86), 44.0),
-                (at(0.95), 30.0)]  # fmt: skip
+    knee_run = [(0.0, 22.0), (0.5 * s, 42.0), (at(0.0), 20.0), (at(0.16), 52.0), (at(0.40), 104.0),
+                (at(0.62), 84.0), (at(0.86), 46.0), (at(0.95), 30.0)]  # fmt: skip
     r = gait.running
     thigh = (1.0 - r) * curve(thigh_walk, phase) + r * curve(thigh_run, phase)
     knee = (1.0 - r) * curve(knee_walk, phase) + r * curve(knee_run, phase)
@@ -182,32 +189,61 @@ def foot_pitch(gait: Gait, phase: Array) -> Array:
     w = 1.0 - s
     flat_from = (0.12 if gait.running else 0.13) * s
     heel_off = (0.48 if gait.running else 0.66 - 0.05 * min(gait.speed / 2.0, 1.0)) * s
-    most = np.interp(gait.running, [0.0, 1.0], [1.08 * down, 82.0 + 0.3 * down])
+    # The foot goes on turning after the toes have left the ground.
+    most = np.interp(gait.running, [0.0, 1.0], [1.38 * down, 46.0 + 0.9 * down])
     walk = [
         (0.0, up), (0.45 * flat_from, 0.42 * up), (flat_from, 0.0), (0.5 * (flat_from + heel_off), 0.0),
         (heel_off, 0.0),
-        (0.35 * heel_off + 0.65 * s, -0.30 * down), (s, -down), (s + (0.13 + 0.16 * gait.running) * w, -most),
-        (s + (0.48 + 0.10 * gait.running) * w, -0.42 * most), (s + 0.73 * w, -4.0),
+        (0.42 * heel_off + 0.58 * s, -0.30 * down), (s, -down), (s + (0.11 + 0.20 * gait.running) * w, -most),
+        (s + (0.45 + 0.13 * gait.running) * w, -0.40 * most), (s + 0.73 * w, -4.0),
         (s + 0.90 * w, 0.95 * max(up, -4.0)),
     ]  # fmt: skip
     return np.radians(curve(walk, phase))
 
 
-SOFT = 0.13  # s, over which a difference in velocity at a swing's ends dies away
+SOFT = 0.13  # s, over which a difference in velocity at a swing's end dies away
+SWINGING = (0.955, 0.988)  # of its length: from where on and how far a leg may straighten in the air
+TAKEN_OVER = (0.30, 0.18)  # of the swing, walking and running: up to there the leg comes to the published curves
 
 
-def _eased(p0: Array, v0: Array, p1: Array, v1: Array, t: Array, span: float) -> Array:
-    """(n, 3) from p0 to p1 (3), t 0..1 over ``span`` s, that begins with velocity v0 and ends with v1.
+def _landed(p1: Array, v1: Array, t: Array, span: float) -> Array:
+    """(n, 3) from nothing to p1 (3), t 0..1 over ``span`` s, that ends with velocity v1.
 
-    The velocities are worked off near the ends, so that they do not carry the middle away.
+    The velocity is worked off near the end, so that it does not carry the middle away.
     """
     u = t[:, None]
-    out = p0 + (p1 - p0) * u * u * (3.0 - 2.0 * u)
     width = min(SOFT, 0.5 * span)
-    since, left = u * span, (1.0 - u) * span
-    out += v0 * since * np.maximum(1.0 - since / width, 0.0) ** 2
-    out -= v1 * left * np.maximum(1.0 - left / width, 0.0) ** 2
+    left = (1.0 - u) * span
+    out = p1 * u * u * (3.0 - 2.0 * u) - v1 * left * np.maximum(1.0 - left / width, 0.0) ** 2
     return np.asarray(out, dtype=np.float64)
+
+
+def _states(places: Array, step: float, last: bool) -> tuple[Array, Array, Array]:
+    """Place, velocity and acceleration (3 each) of three places ``step`` s apart: at the last or the middle one."""
+    v0, v1 = (places[1] - places[0]) / step, (places[2] - places[1]) / step
+    a = (v1 - v0) / step
+    return (places[2], v1 + 0.5 * step * a, a) if last else (places[1], 0.5 * (v0 + v1), a)
+
+
+def _quintic(start: tuple[Array, Array, Array], end: tuple[Array, Array, Array], t: Array, span: float) -> Array:
+    """(n, 3) between two states, t 0..1 over ``span`` s: the smoothest way in jerk (Flash and Hogan 1985)."""
+    p0, v0, a0 = start[0], start[1] * span, start[2] * span**2
+    p1, v1, a1 = end[0], end[1] * span, end[2] * span**2
+    c3 = 10.0 * (p1 - p0) - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15.0 * (p1 - p0) + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
+    c5 = 6.0 * (p1 - p0) - 3.0 * (v0 + v1) - 0.5 * (a0 - a1)
+    u = t[:, None]
+    return np.asarray(p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5)))), dtype=np.float64)
+
+
+def _bent(leg: Array, length: float, first: float, last: float, share: Array) -> Array:
+    """A swinging leg (n, 3), ``first`` m long when it leaves the ground and ``last`` m when it comes down, kept softly
+    from straightening much further in between; ``share`` 0..1 of the swing."""
+    far = np.linalg.norm(leg, axis=1)
+    start = np.maximum(SWINGING[0] * length, first + (last - first) * share)
+    room = np.maximum(SWINGING[1] * length - start, 0.004 * length)
+    soft = np.where(far > start, start + room * (1.0 - np.exp(-(far - start) / room)), far)
+    return np.asarray(leg * (soft / far)[:, None], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -329,10 +365,10 @@ def _arms(gait: Gait, phase: Array, plan: Plan) -> None:
     """Each arm swings with the other side's leg; the elbow follows a little later."""
     for side in (0, 1):
         own = phase + 0.5 * side
-        swing = -np.cos(TAU * (own - 0.03 + 0.06 * gait.running)) - 0.08 * np.cos(2 * TAU * (own - 0.10))
+        swing = -np.cos(TAU * (own - 0.03 + 0.18 * gait.running)) - 0.08 * np.cos(2 * TAU * (own - 0.10))
         ahead = 0.4 * gait.bend + 0.10 * gait.duck  # arms hang while the trunk bends
         plan.shoulder[side] = np.radians(gait.arm_mean + gait.arm * swing) + ahead
-        bend = -np.cos(TAU * (own - 0.09 + 0.12 * gait.running))
+        bend = -np.cos(TAU * (own - 0.09 + 0.24 * gait.running))
         plan.elbow[side] = np.radians(np.maximum(gait.elbow + gait.elbow_swing * bend, 6.0))
         plan.abduct[side] = np.radians(gait.abduct + 1.5 * np.cos(2 * TAU * own)) + abs(gait.tilt) * (
             -0.2 if SIGN[side] * gait.tilt < 0 else 0.7
@@ -382,7 +418,30 @@ def _swing(
     own = phase - 0.5 * side
     count = len(phase) - 1
     upper, lower = (float(v) for v in frame.rig.lengths[2 + side])
-    marks = np.array([gait.stance - 0.004, gait.stance, 1.0, 1.004])
+    sole = frame.soles[side]
+    swing = (1.0 - gait.stance) * period
+    tick = 0.006
+    taken = TAKEN_OVER[0] + gait.running * (TAKEN_OVER[1] - TAKEN_OVER[0])
+    leaving = gait.stance + tick * np.array([-2.0, -1.0, 0.0])
+    joining = gait.stance + taken * (1.0 - gait.stance) + tick * np.array([-1.0, 0.0, 1.0])
+    arriving = np.array([1.0, 1.0 + tick])
+
+    def planted(at: Array, which: int) -> Array:
+        """The ankle on its print at phases of the cycle, seen from the path."""
+        place, yaw = _prints(frame, gait, side, period, arc, which)
+        rise = rolled(sole, foot_pitch(gait, at))
+        spots = (
+            place + rise[:, 1:] * np.array([np.sin(yaw), 0.0, np.cos(yaw)]) + rise[:, :1] * np.array([0.0, 1.0, 0.0])
+        )
+        return _from_world(spots, *arc.at((cycle + 0.5 * side + at) * period))
+
+    def published(at: Array) -> Array:
+        """The ankle by the published angles, seen from the path."""
+        hips = _sample_hip(phase, hip, at + 0.5 * side)
+        out = _fk(gait, at, upper, lower) + hips
+        out[:, 0] = hips[:, 0]
+        return out
+
     for cycle in (-1, 0):
         # The whole swing, of which the clip may hold a part only.
         first = int(np.floor((cycle + gait.stance + 0.5 * side) * count + 1e-6)) + 1
@@ -391,29 +450,27 @@ def _swing(
         held = (frames >= 0) & (frames <= count)
         if not held.any():
             continue
-        path = _fk(gait, marks, upper, lower)
-        times = (cycle + 0.5 * side + marks) * period
-        hips_at = _sample_hip(phase, hip, marks + 0.5 * side)
-        path += hips_at
-        path[:, 0] = hips_at[:, 0]
-        ends, velocities = [], []
-        sole = frame.soles[side]
-        for n, m, which in ((1, 0, cycle), (2, 3, cycle + 1)):
-            place, yaw = _prints(frame, gait, side, period, arc, which)
-            pair = rolled(sole, foot_pitch(gait, marks[[n, m]]))
-            ahead = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
-            spot = place + pair[:, 1:] * ahead + pair[:, :1] * np.array([0.0, 1.0, 0.0])
-            base, heading = arc.at(times[[n, m]])
-            near = _from_world(spot, base, heading)
-            residue = near - path[[n, m]]
-            ends.append(residue[0])
-            velocities.append((residue[1] - residue[0]) / ((marks[m] - marks[n]) * period))
+        lack = planted(arriving, cycle + 1) - published(arriving)
+        falling = (lack[1] - lack[0]) / (tick * period)
+
+        def flown(at: Array, lack: Array = lack, falling: Array = falling) -> Array:
+            share = (at - gait.stance) / (1.0 - gait.stance)
+            return published(at) + _landed(lack[0], falling, share, swing)
+
         at = frames / count - 0.5 * side - cycle
         share = (at - gait.stance) / (1.0 - gait.stance)
-        hips_at = _sample_hip(phase, hip, frames / count)
-        track = _fk(gait, at, upper, lower) + hips_at
-        track[:, 0] = hips_at[:, 0]
-        track += _eased(ends[0], velocities[0], ends[1], velocities[1], share, (1.0 - gait.stance) * period)
+        track = flown(at)
+        start = _states(planted(leaving, cycle), tick * period, last=True)
+        join = _states(flown(joining), tick * period, last=False)
+        early = share < taken
+        track[early] = _quintic(start, join, share[early] / taken, taken * swing)
+        hips = _sample_hip(phase, hip, at + 0.5 * side)
+        ends = _sample_hip(phase, hip, np.array([gait.stance, 1.0]) + 0.5 * side)
+        long = (
+            float(np.linalg.norm(start[0] - ends[0])),
+            float(np.linalg.norm(planted(arriving, cycle + 1)[0] - ends[1])),
+        )
+        track = hips + _bent(track - hips, upper + lower, *long, share)
         low = lowest(sole, track[:, 1], foot_pitch(gait, at), _toe_bend(gait, at))
         want = gait.clearance * frame.length * np.sin(pi * share) ** 0.8
         track[:, 1] += _raised(np.maximum(want - low, 0.0), share)

@@ -302,7 +302,8 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
     # How far the hips are from over the ankles then; these come forward as the heels rise.
     lean_out = min(0.20 * distance, 0.22)
     off_ankles = np.hypot(lean_out * np.cos(angle) - 0.12, lean_out * np.sin(angle))
-    tiptoe = 0.064 - (0.82 - float(np.sqrt(0.82**2 - off_ankles**2)))
+    # Knees go on stretching for a moment after the toes have left the ground.
+    tiptoe = 0.036 - (0.795 - float(np.sqrt(0.795**2 - off_ankles**2)))
     rise = max(height - tiptoe, 0.03)
     fall = rise + tiptoe + 0.035  # lands with knees a little bent, on flat feet
     up, down = np.sqrt(2 * rise / GRAVITY), np.sqrt(2 * fall / GRAVITY)
@@ -387,10 +388,10 @@ def _jump_feet(
         pitch = _smooth(
             t,
             [
-                (deep + 0.25 * (off - deep), 0.0),
-                (deep + 0.66 * (off - deep), -0.22 * toe),
-                (off, -0.90 * toe),
-                (off + 0.14 * span, -1.06 * toe),
+                (deep + 0.30 * (off - deep), 0.0),
+                (deep + 0.72 * (off - deep), -0.18 * toe),
+                (off, -0.86 * toe),
+                (off + 0.12 * span, -1.14 * toe),
                 (off + 0.60 * span, -0.45 * toe + 0.3 * land),
                 (on, land),
                 (on + 0.07, 0.0),
@@ -405,12 +406,15 @@ def _jump_feet(
         away = np.hypot(
             plan.root[:, 0] + frame.hip_offsets[side, 0] - ground[:, 0], plan.root[:, 2] - ground[:, 2] - forward
         )
-        straight = 0.984 + 0.010 * blend(t, off, off + 0.12) * (1.0 - blend(t, on - 0.10, on))
-        most = np.sqrt(np.maximum((straight * frame.leg) ** 2 - away**2, 1e-4))
-        least = hip - most - rise
+        # A leg goes on stretching, ever slower, while it is drawn up; where it lands it is as long as it has to be.
+        far = np.hypot(hip - rise - lift, away) / frame.leg
+        landing = float(far[np.searchsorted(t, on)])
+        start = 0.935 + (max(landing, 0.955) - 0.935) * (t - off) / span
+        room = np.maximum(0.988 - start, 0.006)
+        soft = np.where(far > start, start + room * (1.0 - np.exp(-(far - start) / room)), far)
+        up = hip - rise - np.sqrt(np.maximum((soft * frame.leg) ** 2 - away**2, 1e-4))
         flying = (t > off) & (t < on)
-        soft = 0.02 * size * w
-        lift = np.where(flying, np.maximum(0.5 * (lift + least + np.hypot(lift - least, soft)), 0.0), 0.0)
+        lift = np.where(flying, np.maximum(np.maximum(lift, up), 0.0), 0.0)
         _put(frame, plan, side, ground, np.full(len(t), SIGN[side] * TOE_OUT), pitch, lift)
         grounded = np.maximum(1.0 - blend(u, 0.0, 0.35), blend(u, 0.75, 0.97))
         plan.toe_bend[side] = np.clip(-pitch, 0.0, np.radians(62.0)) * grounded
