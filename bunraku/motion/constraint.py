@@ -123,9 +123,13 @@ def path_of(
     raw = np.stack([np.interp(at, lengths, drawn[:, k]) for k in range(2)], -1)
     once = _smoothed(raw, PLACE_WIDTH)
     places = 2.0 * once - _smoothed(once, PLACE_WIDTH)  # what a Gaussian would draw arcs in by is taken back
-    flow = np.gradient(_smoothed(raw, FLOW_WIDTH), at, axis=0)
+    # On the even grid; the last point, however near to the one before it, goes on as that one does.
+    even = count - 1
+    flow = np.gradient(_smoothed(raw, FLOW_WIDTH)[:even], SPACING, axis=0)
     headings = _smoothed(np.unwrap(np.arctan2(flow[:, 0], flow[:, 1]))[:, None], HEADING_WIDTH)[:, 0]
-    bends = np.gradient(headings, at)
+    bends = np.gradient(headings, SPACING)
+    headings = np.append(headings, headings[-1] + bends[-1] * (at[-1] - at[-2]))
+    bends = np.append(bends, bends[-1])
     pace = np.interp(at, lengths, np.where(np.isfinite(wanted), wanted, 0.0))
     given = np.interp(at, lengths, np.isfinite(wanted).astype(float))
     sums = _smoothed(np.stack([pace, given], -1), STYLE_WIDTH) if given.any() else np.zeros((count, 2))
