@@ -286,8 +286,10 @@ class Supervisor:
         if status != 0:
             self._fail(child, how, status)
         self.say(how, child)
-        if child.task.required and any(other.phase != "ended" for other in self.children):
-            self.say(f"{child.task.name} is required: ending the others")
+        unmade = status != 0 and not self._announced and not child.ready  # others may wait for it
+        if (child.task.required or unmade) and any(other.phase != "ended" for other in self.children):
+            why = "could not start" if unmade else "is required"
+            self.say(f"{child.task.name} {why}: ending the others")
             self.stop()
 
     def _fail(self, child: _Child, how: str, status: int) -> None:

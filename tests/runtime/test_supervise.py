@@ -109,6 +109,12 @@ def test_others_go_on_when_a_node_fails_that_is_not_required(tmp_path):
     assert status == 4
 
 
+def test_a_node_that_cannot_start_ends_the_others():
+    status, text = run(sh("a", WAIT), sh("b", "echo no such file; exit 2"), is_up=lambda task, pid: task.name == "a")
+    assert status == 2
+    assert "b could not start: ending the others" in text
+
+
 def test_restart_with_a_limit(tmp_path):
     count = tmp_path / "count"
     status, text = run(sh("x", f"echo . >> {count}; exit 9", respawn=True))
