@@ -19,6 +19,8 @@ from bunraku.cli import Problem
 MARK = "warm"
 MOMENT = 0.2
 """s of stage time that each node runs."""
+LONGEST = 4.0
+"""s of stage time that each command has, so that one motion goes over into the next."""
 
 
 def folder(name: str = "motion") -> Path:
@@ -59,7 +61,7 @@ def warm(node: str) -> None:
     for topic, message in _samples():
         if topic in hears:
             stage.publish(topic, message)
-            stage.advance(MOMENT)
+            stage.advance(LONGEST if topic == "command" else MOMENT)
     stage.advance(MOMENT)
     mark(node).parent.mkdir(parents=True, exist_ok=True)
     mark(node).touch()
@@ -101,7 +103,7 @@ def _end_with_the_caller() -> None:
 def _samples() -> list[tuple[str, Any]]:
     """A message of each kind that moves a figure."""
     from bunraku.figure.default import default_figure
-    from bunraku.msgs import Motion, Stand, Target
+    from bunraku.msgs import Jump, Locomotion, Motion, PathPoint, Stand, Step, Target, Turn
 
     figure = default_figure()
     root, rotations = figure.rest_pose()
@@ -120,11 +122,17 @@ def _samples() -> list[tuple[str, Any]]:
         )
     }
     whole: dict[str, Any] = {**place, "trunk": (0.0, 0.0, 0.0, 1.0), "head": (0.0, 0.0, 0.0, 1.0), "yaw": 0.0}
+    path = [PathPoint(x=x, z=z) for x, z in ((0.0, 0.0), (0.0, 1.0), (1.0, 2.0))]
     return [
         ("motion", Motion(skeleton=figure.hash, root=root, rotations=rotations)),
         ("target", Target(left_hand=whole["left_hand"])),
         ("target", Target(**whole)),
         ("command", Stand(id=1)),
+        ("command", Locomotion(id=2, path=path, complete=True)),
+        ("command", Turn(id=3, heading=2.0)),
+        ("command", Step(id=4, goal=(1.5, 0.0, 2.0))),
+        ("command", Jump(id=5, goal=(1.5, 0.0, 2.6))),
+        ("command", Jump(id=6, height=0.4)),
         ("target", Target()),
     ]
 

@@ -3,6 +3,8 @@
 import os
 import select
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,6 +45,40 @@ def test_the_environment_can_forbid_it(monkeypatch):
     assert kernels.compiling()
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     assert not kernels.compiling()
+
+
+WALK = """
+from bunraku.cli import kernels
+from bunraku.msgs import Jump, Locomotion, PathPoint, Step, Turn
+from bunraku.runtime.memory import MemoryStage
+from bunraku.runtime.plan import load
+
+kernels.warm(NODE)
+def compiled():
+    return {path for name in ("figure", "motion", "blender") for path in kernels.folder(name).rglob("*.nbc")}
+before = compiled()
+assert before
+stage = MemoryStage()
+stage.add(load(NODE))
+stage.advance(1.0)
+path = [PathPoint(x=x, z=z, duck=x / 4) for x, z in ((0.0, 0.0), (2.0, 0.0), (2.0, 3.0), (0.0, 3.0))]
+for command in (
+    Locomotion(id=11, path=path, complete=True), Turn(id=12, heading=-2.0), Step(id=13, goal=(0.5, 0.0, 3.0)),
+    Jump(id=14, height=0.3), Jump(id=15, goal=(0.5, 0.0, 3.5)), Locomotion(id=16, path=path[::-1], complete=True),
+):
+    stage.publish("command", command)
+    stage.advance(5.0)
+print(*sorted(path.name for path in compiled() - before))
+"""
+
+
+@pytest.mark.stack
+def test_nothing_is_left_to_compile_while_the_figure_moves(monkeypatch):
+    """Compiling in the middle of a performance would hold the figure still for seconds."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv("BUNRAKU_JIT", "1")
+    code = WALK.replace("NODE", repr("bunraku.nodes.blender.node:Blender"))
+    assert subprocess.run([sys.executable, "-c", code], check=True, text=True, stdout=subprocess.PIPE).stdout == "\n"
 
 
 @pytest.mark.stack
