@@ -147,7 +147,8 @@ def drift(player: Player, clip: Clip, frames: Sequence[tuple[Array, ...]]) -> fl
     for side in range(2):
         height, heel, ball = (float(v) for v in player.feet.soles[side])
         foot = int(player.feet.joints[side, 2])
-        pitch = rot.rotate(turns[:, foot], np.array([0.0, 0.0, 1.0]))[:, 1]
+        slope = np.sin([frame[3][side, 4] for frame in frames])  # of the ground under the print
+        pitch = rot.rotate(turns[:, foot], np.array([0.0, 0.0, 1.0]))[:, 1] - slope
         points = [places[:, foot] + rot.rotate(turns[:, foot], np.array([0.0, -height, z])) for z in (heel, ball)]
         locked = np.array([frame[2][side] == 1 for frame in frames])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], locked.astype(int), [0]])))

@@ -26,6 +26,7 @@ from bunraku.msgs import (
     Turn,
     WalkGesture,
 )
+from bunraku.nodes.blender.relief import relief
 
 Array = NDArray[np.float64]
 
@@ -439,8 +440,9 @@ class BlenderCore:
         self._modes = (int(state.mode[0]), int(state.mode[1]))
 
     def overlay(self) -> Overlay:
-        """The rest of the path and the last footprints, on the ground."""
-        drawn = []
+        """The rest of the path, the last footprints, and what uneven ground is like."""
+        here, ground = self.player.place, self.player.ground
+        drawn = [] if ground is None else relief(ground, here.x, here.z)
         for side, (x, y, z, yaw, _slope) in self.prints:
             _, heel, ball = (float(v) for v in self.player.feet.soles[side])
             tip = ball + 0.55 * (ball - heel)
