@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.default import default_figure
 from bunraku.msgs import Target
 from bunraku.nodes.controller.node import Controller
 from bunraku.runtime.memory import MemoryStage
@@ -20,14 +19,10 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Goal:
-    """A target pose: what is held to take it, and which parts a user has to place."""
+    """A target pose: what is held to take it."""
 
     name: str
     says: str
-    parts: tuple[str, ...]
-    """Parts that differ from standing at ease, lower body first."""
-    depth: tuple[str, ...] = ()
-    """Those of them that differ also toward the viewer of the front."""
     held: dict[str, Point] = field(default_factory=dict)
     yaw: float | None = None
     lean: tuple[float, float] = (0.0, 0.0)  # rad forward, to the left
@@ -35,15 +30,14 @@ class Goal:
 
 
 GOALS = (
-    Goal("1", "one arm raised", ("left_hand",), held={"left_hand": (0.50, 1.72, 0.05)}),
-    Goal("2", "both arms, leaning", ("trunk", "left_hand", "right_hand"), lean=(0.0, -0.22),
+    Goal("1", "one arm raised", held={"left_hand": (0.50, 1.72, 0.05)}),
+    Goal("2", "both arms, leaning", lean=(0.0, -0.22),
          held={"left_hand": (0.44, 1.60, 0.05), "right_hand": (-0.60, 1.10, 0.05)}),
-    Goal("3", "crouch with both arms", ("pelvis", "left_hand", "right_hand"),
+    Goal("3", "crouch with both arms",
          held={"pelvis": (0.03, 0.72, 0.0), "left_hand": (0.60, 1.05, 0.05), "right_hand": (-0.35, 1.55, 0.05)}),
-    Goal("4", "turned, hands before the chest", ("turn", "left_hand", "right_hand"), ("left_hand", "right_hand"),
-         yaw=0.70, held={"left_hand": (0.34, 1.28, 0.22), "right_hand": (0.14, 1.24, 0.33)}),
-    Goal("5", "lunge, hands to front and side", ("left_foot", "right_foot", "pelvis", "left_hand", "right_hand"),
-         ("left_foot", "right_foot", "pelvis", "left_hand", "right_hand"),
+    Goal("4", "turned, hands before the chest", yaw=0.70,
+         held={"left_hand": (0.34, 1.28, 0.22), "right_hand": (0.14, 1.24, 0.33)}),
+    Goal("5", "lunge, hands to front and side",
          feet={"left_foot": (0.20, 0.085, 0.16), "right_foot": (-0.17, 0.085, -0.10)},
          held={"pelvis": (0.02, 0.82, 0.03), "left_hand": (0.42, 1.32, 0.40), "right_hand": (-0.50, 1.25, -0.15)}),
 )  # fmt: skip
@@ -109,11 +103,3 @@ def ghost(goal: Goal) -> Ghost:
     hold(3.0, **values)
     core = node.core
     return Ghost(goal, core.positions_ws.copy(), core.positions_ws[0].copy(), core.rotations_ls.copy())
-
-
-def joint_of(part: str) -> int:
-    """The joint whose place on the picture tells where a part is."""
-    figure = default_figure()
-    roles = {"pelvis": "hips", "turn": "hips", "trunk": "neck", "left_hand": "leftHand", "right_hand": "rightHand",
-             "left_foot": "leftFoot", "right_foot": "rightFoot", "head": "head"}  # fmt: skip
-    return figure.role(roles[part])

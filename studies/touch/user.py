@@ -1,9 +1,10 @@
 """A simulated user who poses the figure by touch.
 
-It sees the projected picture only: where the joints of the figure and of the ghost appear, and what the overlay says
-that its fingers hold. It acts only through touch messages, at most three fingers at a time, with the times and the
-scatter of the motor model. What it does: from the front it puts right what is off on the picture, lower body first;
-for what a pose has toward the viewer it goes to the side; hands come last and stay held, since a released hand sinks.
+It sees the projected picture only (`Sight`): where the joints of the figure and of the ghost appear, and what the
+overlay says that its fingers hold. Nobody tells it what a pose asks for. It acts only through touch messages, at most
+three fingers at a time, with the times and the scatter of the motor model. What it does: from the front it puts right
+what looks wrong, lower body first; for what a pose has toward the viewer, or when all looks right and is not, it goes
+to the side; hands come last and stay held, since a released hand sinks.
 """
 
 import contextlib
@@ -13,7 +14,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.camera import project
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.msgs import Contact, Touch
@@ -22,7 +22,8 @@ from bunraku.nodes.interpreter.node import Interpreter
 from bunraku.runtime.memory import MemoryStage
 
 from .motor import Motor, minimum_jerk
-from .poses import Ghost, joint_of
+from .poses import Ghost
+from .sight import Sight, part_role
 
 Array = NDArray[np.float64]
 HZ = 60.0
@@ -30,11 +31,15 @@ REACHED = 0.10  # m: every joint within this of the ghost's
 GIVE_UP = 240.0  # s
 NEAR = 0.016  # picture heights: what a user lets pass as being in place
 FINGERS = 3
-VIEWS = {"front": (0.12, 0.10), "side": (1.45, 0.10)}  # azimuth and elevation (rad) that swipes go to
+VIEWS = {"front": (0.12, 0.10), "side": (1.00, 0.10)}
+"""Azimuth and elevation (rad) that swipes go to: so far to the side that drags go to front and back, and no farther,
+so that neither arm nor leg hides the body and the other foot."""
 PART_WIDTH = {"pelvis": 0.08, "trunk": 0.10, "left_hand": 0.045, "right_hand": 0.045, "left_foot": 0.05,
               "right_foot": 0.05}  # fmt: skip
-RELEASED = ("pelvis", "left_foot", "right_foot", "turn")
-"""Parts that stay where they were let go."""
+WRONG = 0.02  # picture heights: what looks wrong enough to take it up
+TURNED = 0.3  # rad: likewise for where the hips face
+LOWER, UPPER = ("left_foot", "right_foot", "pelvis"), ("trunk", "left_hand", "right_hand")
+"""Parts that stay where they were let go, and parts that have to be held."""
 SWIPE = np.pi  # rad for a picture height, as the user has learnt
 ASTRAY = 0.08  # picture heights that both feet are off: the whole figure has to come back
 EMPTY = np.array([0.16, 0.35])
@@ -80,7 +85,12 @@ class TouchUser:
         self.began = self.stage.clock.now()
         self.seen: Callable[[], None] | None = None
         self.facing = 0.0
-        """Heading that the views are meant from: as the ghost is seen to face, once the figure is turned."""
+        """Heading that the views are meant from, rad: as the ghost was seen to face."""
+        first = self.look()
+        self.hips = first.hips()  # the figure faces the viewer at first: so wide are its hips
+        self.scale = float(np.linalg.norm(first.now[self.figure.role("head")] - first.now[0])) / float(
+            np.linalg.norm(self.figure.rest_positions[self.figure.role("head")] - self.figure.rest_positions[0])
+        )  # picture heights a metre
 
     # What the task does
 
@@ -116,18 +126,15 @@ class TouchUser:
 
     # What the user sees
 
-    def look(self) -> tuple[Array, Array]:
-        """Where the joints of the figure and of the ghost appear (J, 2), shares."""
+    def look(self) -> Sight:
+        """The picture now."""
         pose, camera = self.stage.last("pose"), self.stage.last("camera")
         positions, _ = fk(self.figure, pose.root.astype(float), pose.rotations.astype(float))
-        return project(camera, positions), project(camera, self.goal.positions)
+        return Sight.at(self.figure, camera, positions, self.goal.positions)
 
     def off(self, part: str) -> Array:
         """By how much a part is off on the picture (2), picture heights to the right and down."""
-        now, goal = self.look()
-        joint = joint_of(part)
-        away: Array = (goal[joint] - now[joint]) * self.tall
-        return away
+        return self.look().off(part)
 
     @property
     def tall(self) -> Array:
@@ -168,10 +175,10 @@ class TouchUser:
     def settle(self, most: float = 4.0) -> None:
         """Watch until the figure has come to rest on the picture."""
         end = self.time + most
-        before, _ = self.look()
+        before = self.look().now
         while self.time < end:
             self.wait(self.motor.glance)
-            now, _ = self.look()
+            now = self.look().now
             if float(np.nanmax(np.abs(now - before))) < 0.001:
                 return
             before = now
@@ -210,6 +217,9 @@ class TouchUser:
             away = self.off(part)
             if float(np.linalg.norm(away)) < NEAR and attempt:
                 return
+            if part == "trunk":
+                # To lean and to bend are two decisions; a bend takes a quarter of a lean's way, so one at a time.
+                away = away * (np.abs(away) >= np.abs(away).max())
             landed = self.motor.land(self.rng, away)
             # Above the speed at which a drag is taken for a punch a careful user does not go.
             length = float(np.linalg.norm(landed))
@@ -222,7 +232,7 @@ class TouchUser:
             self.wait(self.motor.decide(self.rng))
             self.drag(self.holding[part], part)
             return
-        if float(np.linalg.norm(self.off(part))) < NEAR:
+        if self.look().wrong(part) < WRONG:
             return
         for _ in range(4):
             self.wait(self.motor.decide(self.rng))
@@ -237,9 +247,9 @@ class TouchUser:
             self.lift(finger)
 
     def spot(self, part: str) -> Array:
-        """Where the user touches a part: hands beyond the wrist, the trunk below the neck."""
-        now, _ = self.look()
-        joint = joint_of(part)
+        """Where the user touches a part (shares): hands beyond the wrist, the trunk below the neck."""
+        now = self.look().now
+        joint = self.figure.role(part_role(part))
         place: Array = now[joint]
         if part.endswith("_hand"):
             place = place + 0.35 * (place - now[int(self.figure.parents[joint])])
@@ -247,21 +257,21 @@ class TouchUser:
             place = 0.6 * place + 0.4 * now[self.figure.role("spine")]
         elif part.endswith("_foot"):
             place = 0.5 * (place + now[self.figure.role("leftToes" if part == "left_foot" else "rightToes")])
-        return place
+        return place / self.tall
 
     def view(self, name: str) -> None:
         """Swipe to another view on an empty place of the picture."""
         azimuth, elevation = VIEWS[name]
         azimuth += self.facing
         for _ in range(3):
-            camera = self.interpreter.viewer.orbit  # what the picture shows of the floor tells a user as much
-            left = (azimuth - camera.azimuth + np.pi) % (2 * np.pi) - np.pi
-            way = np.array([-left / SWIPE, (elevation - camera.elevation) / SWIPE])
+            sight = self.look()
+            left = (azimuth - sight.azimuth + np.pi) % (2 * np.pi) - np.pi
+            way = np.array([-left / SWIPE, (elevation - sight.elevation) / SWIPE])
             if float(np.abs(way).max()) < 0.03:
                 return
-            if len(self.fingers) >= FINGERS:
-                return
             self.wait(self.motor.decide(self.rng))
+            if len(self.fingers) >= FINGERS:
+                self.lift(max(self.holding.values()))  # it is put back where it belongs afterwards
             begin = EMPTY if way[0] > 0 else np.array([1.0 - EMPTY[0], EMPTY[1]])
             finger = self.press(begin, 0.2)
             self.score.strokes -= 1
@@ -270,9 +280,15 @@ class TouchUser:
             self.lift(finger)
             self.wait(self.motor.glance)
 
+    def turned(self) -> float:
+        """By how much the ghost seems to be turned against the figure, rad."""
+        sight = self.look()
+        return sight.heading(sight.goal, self.hips) - sight.heading(sight.now, self.hips)
+
     def turn(self) -> None:
         """Twist two fingers on and beside the pelvis until the hips face as the ghost's do."""
-        hips = (self.figure.role("leftUpperLeg"), self.figure.role("rightUpperLeg"))
+        sight = self.look()
+        self.facing = sight.azimuth + sight.heading(sight.goal, self.hips)
         self.wait(self.motor.decide(self.rng))
         first = self.press(self.spot("pelvis"), PART_WIDTH["pelvis"])
         if self.grips(first) != "pelvis":
@@ -283,14 +299,7 @@ class TouchUser:
         angle = float(np.arctan2(radius[1], radius[0]))
         length = float(np.linalg.norm(radius))
         for _ in range(6):
-            now, goal = self.look()
-            # How wide the hips seem tells how far they are turned; the ghost's slope tells which way.
-            seen = [float(one[hips[0]][0] - one[hips[1]][0]) for one in (now, goal)]
-            full = 0.19 / 2.73 * 9 / 16
-            turned = [float(np.arccos(np.clip(one / full, -1.0, 1.0))) for one in seen]
-            # The nearer hip is lower on a picture taken from above.
-            sides = [float(np.sign(one[hips[0]][1] - one[hips[1]][1])) for one in (now, goal)]
-            left = -sides[1] * turned[1] + sides[0] * turned[0]
+            left = self.turned()
             if abs(left) < 0.06:
                 break
             step = float(np.clip(left, -1.2, 1.2)) * (1.0 + self.rng.normal(0.0, self.motor.noise))
@@ -304,7 +313,6 @@ class TouchUser:
             self.wait(3.0 * self.motor.glance)
         self.lift(second)
         self.lift(first)
-        self.facing = self.goal.goal.yaw or 0.0
 
     def gather(self) -> None:
         """A figure that has stepped away from its ghost is brought back by its pelvis, sideways as seen."""
@@ -327,32 +335,35 @@ class TouchUser:
 
     def play(self) -> None:
         """The order of work that people were seen to take: lower body, view, upper body with several fingers."""
-        goal = self.goal.goal
-        lower = [part for part in goal.parts if part in RELEASED]
-        upper = [part for part in goal.parts if part not in RELEASED]
         for again in range(8):
             if again:
                 self.gather()
-                if "pelvis" not in lower and "turn" not in lower and float(np.linalg.norm(self.off("pelvis"))) > NEAR:
-                    self.place("pelvis", keep=False)
-            for name in ("front", "side") if any(part in goal.depth for part in lower) else ("front",):
-                self.view(name)
-                for part in lower:
-                    if part == "turn":
-                        self.turn()
-                    elif name == "front" or part in goal.depth:
-                        self.place(part, keep=False)
-            self.view("front")
-            for part in upper:
-                self.place(part, keep=True)
-            if any(part in goal.depth for part in upper):
+            if abs(self.turned()) > TURNED and not self.holding:
+                self.turn()
+                self.view("front")
+            self.lower()
+            if again or self.look().deep(self.scale):
                 self.view("side")
-                for part in upper:
-                    self.place(part, keep=True)
+                self.lower()
+                self.view("front")
+            self.upper()
+            self.wait(2.0 * self.motor.glance)
+            # All looks right from here and is not.
+            self.view("side")
+            self.upper()
             self.view("front")
-            for part in upper:
-                self.place(part, keep=True)
+            self.upper()
             self.wait(2.0 * self.motor.glance)
             # Not reached: let go of all and look at the lower body again.
             for finger in list(self.fingers):
                 self.lift(finger)
+
+    def lower(self) -> None:
+        """Place what stays where it is let go."""
+        for part in LOWER:
+            self.place(part, keep=False)
+
+    def upper(self) -> None:
+        """Place what has to be held."""
+        for part in UPPER:
+            self.place(part, keep=True)
