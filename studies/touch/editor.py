@@ -1,33 +1,42 @@
 """The baseline: a joint-handle editor as animation programs have it, under the same motor model.
 
 One handle at a time: an end (pelvis, hand, foot) has an arrow along each axis of the world, a joint a ring about each
-of its axes; a pointer takes a handle, an arrow or ring, and drags exactly. Limbs follow their ends by the same
-inverse kinematics as in the touch interface, so that only the interfaces differ; nothing sinks, nothing steps.
+of its axes; a pointer takes a handle, an arrow or ring, and drags. Its user sees the picture as the touch user does
+(`Sight`): from the front what is off to the side and in height, from the side what is off to front and back. Limbs
+follow their ends by the same inverse kinematics as in the touch interface, so that only the interfaces differ; nothing
+hides a handle, nothing sinks, nothing steps.
 """
 
 import contextlib
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.camera import Orbit, forward, metres_per_height, project
+from bunraku.figure.camera import Orbit, metres_per_height, project
 from bunraku.figure.default import default_figure
 from bunraku.figure.pointpose import analyse, reconstruct
-from bunraku.figure.quat import exp, log, mul, mul_inv
+from bunraku.figure.quat import exp, mul
+from bunraku.msgs import Camera
 from bunraku.nodes.controller.node import Controller
 from bunraku.runtime.memory import MemoryStage
 
 from .motor import Motor
 from .poses import Ghost
-from .user import GIVE_UP, REACHED, VIEWS, Done, Score
+from .sight import Sight
+from .user import GIVE_UP, REACHED, TURNED, Done, Score
 
 Array = NDArray[np.float64]
 ARROW = 0.03  # picture heights, a handle's size on the picture
 ARM = 0.10  # from a handle's middle to its arrows and ring
-SEEN = 0.35  # |sine| between an axis and the view below which its arrow cannot be dragged
 CLOSE = 0.030  # m along an axis that a user lets pass as being in place
-CLOSE_TURN = 0.07  # rad
-RINGS = ("chest", "head", "leftFoot", "rightFoot")
+CLOSE_TURN = 0.10  # rad
+VIEWS = {"front": (0.0, 0.10), "side": (0.5 * np.pi, 0.10)}  # azimuth and elevation, rad
+ARROWS = {"front": (0, 1), "side": (2, 1)}
+"""The world's axes whose arrows a view shows at their length."""
+ENDS = ("hips", "leftHand", "rightHand", "leftFoot", "rightFoot")
+FEET = ("left", "right")
 
 
 class EditorUser:
@@ -43,9 +52,14 @@ class EditorUser:
         stage.advance(0.5)
         core = start.core
         self.pose, self.base = analyse(self.skeleton, core.positions_ws[0], core.rotations_ls)
-        self.wanted, _ = analyse(self.skeleton, goal.root, goal.rotations)
         self.positions = core.positions_ws.copy()
-        self.azimuth, self.elevation = VIEWS["front"]
+        self.view = "front"
+        first = self.look()
+        self.hips = first.hips()
+        head, hips = self.skeleton.role("head"), 0
+        self.scale = float(np.linalg.norm(first.now[head] - first.now[hips])) / float(
+            np.linalg.norm(self.skeleton.rest_positions[head] - self.skeleton.rest_positions[hips])
+        )  # picture heights a metre
         self.pointer = np.array([0.5, 0.5])
         self.score = Score(fingers=1)
         self.time = 0.0
@@ -65,13 +79,14 @@ class EditorUser:
         return float(np.linalg.norm(self.positions - self.goal.positions, axis=1).max())
 
     def round(self) -> None:
-        """Every handle that is off, from the ground up."""
-        for row in (0, 3, 4):
-            self.end(row)
-        for row in (2, 3, 0, 1):
-            self.turn(row)
-        for row in (1, 2):
-            self.end(row)
+        """Every handle that is off, from the front and then from the side, from the ground up."""
+        for view in VIEWS:
+            self.go(view)
+            for row in (0, 3, 4):
+                self.end(row)
+            self.turns()
+            for row in (1, 2):
+                self.end(row)
 
     def spend(self, seconds: float) -> None:
         """Time goes on."""
@@ -93,77 +108,108 @@ class EditorUser:
         self.spend(self.motor.reach(float(np.linalg.norm((place - self.pointer) * tall)), width))
         self.pointer = place
 
-    def camera(self) -> Orbit:
+    def camera(self) -> Camera:
         """The view now."""
-        return Orbit(azimuth=self.azimuth, elevation=self.elevation)
+        azimuth, elevation = VIEWS[self.view]
+        return Orbit(azimuth=azimuth, elevation=elevation).camera()
 
-    def see(self, axis: Array) -> bool:
-        """Turn the view where an axis (3) points at the viewer; whether it was turned."""
-        view = forward(self.camera().camera())
-        if float(np.linalg.norm(np.cross(view, axis))) >= SEEN:
-            return False
-        name = "side" if self.azimuth < 0.8 else "front"
+    def look(self) -> Sight:
+        """The picture now."""
+        return Sight.at(self.skeleton, self.camera(), self.positions, self.goal.positions)
+
+    def go(self, view: str) -> None:
+        """Turn the view."""
+        if view == self.view:
+            return
         self.spend(self.motor.decide(self.rng) + self.motor.switch)
         self.point_at(np.array([0.3, 0.4]), 0.3)
         self.spend(self.motor.drag(0.4) + self.motor.glance)
-        self.azimuth, self.elevation = VIEWS[name]
+        self.view = view
         self.score.views += 1
-        return True
+
+    def take(self, joint: int, *, selected: bool, again: bool) -> None:
+        """Select a joint's handle, unless it is selected, and press its arrow or ring; ``again``: the same one."""
+        place = project(self.camera(), self.positions[joint])
+        if not selected:
+            self.spend(self.motor.decide(self.rng))
+            self.point_at(place, ARROW)
+        if not again:
+            self.spend(self.motor.decide(self.rng))
+        self.point_at(place + np.array([ARM * 9 / 16, 0.0]), ARROW)
 
     def end(self, row: int) -> None:
-        """Drag the arrows of an end's handle, each along its axis."""
+        """Drag the arrows of an end's handle that this view shows, each along its axis."""
         selected = False
-        for k in range(3):
-            for _ in range(3):
-                left = float(self.wanted.points[row, k] - self.pose.points[row, k])
-                if abs(left) < CLOSE:
-                    break
+        joint = self.skeleton.role(ENDS[row])
+        for k in ARROWS[self.view]:
+            for attempt in range(3):
+                camera = self.camera()
                 axis = np.zeros(3)
                 axis[k] = 1.0
-                self.see(axis)
-                camera = self.camera().camera()
-                place = project(camera, self.pose.points[row])
-                if not selected:
-                    self.spend(self.motor.decide(self.rng))
-                    self.point_at(place, ARROW)
-                    selected = True
-                self.spend(self.motor.decide(self.rng) if k else 0.0)
-                self.point_at(place + np.array([ARM * 9 / 16, 0.0]), ARROW)
-                tall = metres_per_height(camera, self.pose.points[row])
-                moved = self.motor.land(self.rng, np.array([abs(left) / tall, 0.0]))[0] * tall
+                here = self.positions[joint]
+                tall = np.array([camera.aspect, 1.0])
+                arrow = (project(camera, here + 0.05 * axis) - project(camera, here - 0.05 * axis)) * tall / 0.1
+                sight = self.look()
+                left = float((sight.goal[joint] - sight.now[joint]) @ arrow) / float(arrow @ arrow)
+                if abs(left) < CLOSE:
+                    break
+                self.take(joint, selected=selected, again=attempt > 0)
+                selected = True
+                metres = metres_per_height(camera, here)
+                moved = self.motor.land(self.rng, np.array([abs(left) / metres, 0.0]))[0] * metres
                 self.pose.points[row, k] += float(np.sign(left)) * moved
-                self.spend(self.motor.drag(abs(left) / tall) + self.motor.glance)
+                self.spend(self.motor.drag(abs(left) / metres) + self.motor.glance)
                 self.score.strokes += 1
                 self.show()
 
-    def turn(self, row: int) -> None:
-        """Drag the rings of trunk (0), head (1) or a foot (2, 3), each about its axis; a foot's about Y only."""
-        selected = False
-        now, wanted = (self.pose.turns, self.wanted.turns) if row < 2 else (self.pose.feet, self.wanted.feet)
-        part_row = row % 2
-        for k in (1, 0, 2) if row < 2 else (1,):
-            for _ in range(3):
-                rest, vector = np.empty(4), np.empty(3)
-                mul_inv(wanted[part_row], now[part_row], rest)
-                log(rest, vector)
-                left = float(vector[k])
-                if abs(left) < CLOSE_TURN:
-                    break
-                joint = self.skeleton.role(RINGS[row])
-                place = project(self.camera().camera(), self.positions[joint])
-                if not selected:
-                    self.spend(self.motor.decide(self.rng))
-                    self.point_at(place, ARROW)
-                    selected = True
-                self.spend(self.motor.decide(self.rng))
-                self.point_at(place + np.array([ARM * 9 / 16, 0.0]), ARROW)
-                angle = left * (1.0 + float(self.rng.normal(0.0, self.motor.noise)))
-                change, part = np.zeros(3), np.empty(4)
-                change[k] = angle
-                exp(change, part)
-                out = np.empty(4)
-                mul(part, now[part_row], out)
-                now[part_row] = out
-                self.spend(self.motor.drag(abs(left) * ARM) + self.motor.glance)
-                self.score.strokes += 1
-                self.show()
+    def turns(self) -> None:
+        """Drag the rings that are off: the trunk's about Y, then its lean in this view, then the feet's about Y."""
+        if self.view == "front":
+            self.turn("chest", self.pose.turns[0], 1, self.turned)
+            self.turn("chest", self.pose.turns[0], 2, self.leaning)
+            for side, name in enumerate(FEET):
+                self.turn(f"{name}Foot", self.pose.feet[side], 1, partial(self.foot_turned, name))
+        else:
+            self.turn("chest", self.pose.turns[0], 0, self.leaning)
+
+    def turned(self) -> float:
+        """By how much the ghost's hips seem to be turned, rad about Y."""
+        sight = self.look()
+        left = sight.heading(sight.goal, self.hips) - sight.heading(sight.now, self.hips)
+        return left if abs(left) > TURNED else 0.0
+
+    def leaning(self) -> float:
+        """By how much the ghost's trunk leans otherwise on this view, rad about the axis toward the viewer."""
+        sight = self.look()
+        neck = self.skeleton.role("neck")
+        now, goal = (np.arctan2(one[neck, 0] - one[0, 0], one[0, 1] - one[neck, 1]) for one in (sight.now, sight.goal))
+        return float(now - goal)
+
+    def foot_turned(self, name: str) -> float:
+        """By how much a foot of the ghost seems to be turned otherwise, rad about Y, by where its toes are."""
+        sight = self.look()
+        foot, toes = self.skeleton.role(f"{name}Foot"), self.skeleton.role(f"{name}Toes")
+        long = abs(float(self.skeleton.offsets[toes][2])) * self.scale
+        aside = [float(one[toes, 0] - one[foot, 0]) / long for one in (sight.now, sight.goal)]
+        now, goal = np.arcsin(np.clip(aside, -1.0, 1.0))
+        return float(goal - now)
+
+    def turn(self, role: str, turned: Array, axis: int, seen: Callable[[], float]) -> None:
+        """Drag a joint's ring about a world axis until what is ``seen`` to be left (rad) is little.
+
+        Args:
+            turned: (4) the orientation that the ring changes, in place.
+        """
+        for attempt in range(3):
+            left = seen()
+            if abs(left) < CLOSE_TURN:
+                return
+            self.take(self.skeleton.role(role), selected=attempt > 0, again=attempt > 0)
+            angle, part, out = np.zeros(3), np.empty(4), np.empty(4)
+            angle[axis] = left * (1.0 + float(self.rng.normal(0.0, self.motor.noise)))
+            exp(angle, part)
+            mul(part, turned, out)
+            turned[:] = out
+            self.spend(self.motor.drag(abs(left) * ARM) + self.motor.glance)
+            self.score.strokes += 1
+            self.show()
