@@ -97,6 +97,7 @@ class TurnGrab:
         self.upright = hit.part.kind == "trunk"
         self.pivot = int(scene.skeleton.back[0]) if self.upright else int(scene.rig.neck[0])
         self.plane = DragPlane(scene, frame, hit.point, rules)
+        self.begin = self.plane.origin
         joint = hit.part.joint
         self.arm = frame.vector_to_local(hit.point - scene.positions[self.pivot])
         self.grip = GripOffset(scene.turns[joint], scene.positions[joint], hit.point, rules).local
@@ -114,7 +115,7 @@ class TurnGrab:
     def update(self, scene: Scene, frame: HeadingFrame, ray: Ray, dt: float) -> tuple[float, ...]:
         """The part's orientation wanted, world xyzw."""
         rules = self.rules
-        local = self.plane.crossing(frame, ray.origin, ray.direction)
+        local = self.begin + straightened(self.plane.crossing(frame, ray.origin, ray.direction) - self.begin, rules)
         arm = local - frame.to_local(scene.positions[self.pivot])
         self._correct(scene, frame, ray, local, arm, dt)
         arm = arm + self.aim
@@ -151,6 +152,19 @@ class TurnGrab:
         size = float(np.linalg.norm(self.aim))
         if size > self.rules.aim_limit:
             self.aim *= self.rules.aim_limit / size
+
+
+def straightened(way: Array, rules: TouchRules = RULES) -> Array:
+    """A drag (3, heading frame) that goes nearly level, or nearly up or down, without the little beside it.
+
+    The touched point is on the body's front, a hand's breadth before what it turns about: two centimetres up or down
+    in a drag to the side would bend the trunk by ten degrees, which can hardly be seen from there.
+    """
+    across, up = sqrt(float(way[0]) ** 2 + float(way[2]) ** 2), abs(float(way[1]))
+    ratio = min(across, up) / max(across, up, 1e-9)
+    share = min(1.0, max(0.0, (ratio - rules.straight) / (rules.slanting - rules.straight)))
+    keep = share * share * (3.0 - 2.0 * share)
+    return way * (np.array([keep, 1.0, keep]) if up > across else np.array([1.0, keep, 1.0]))
 
 
 class PelvisGrab:

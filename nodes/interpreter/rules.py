@@ -47,6 +47,10 @@ class TouchRules:
     """m of drag over which it fades in after the grab, so that grabbing moves nothing."""
     widest_turn: float = 1.75
     """rad that a trunk or head may be asked to turn from where it was grabbed."""
+    straight: float = 0.2
+    """A drag of trunk or head whose lesser part, level or upright, is below this share of the other is straight."""
+    slanting: float = 0.5
+    """The share from which on both parts count whole."""
     aim_gain: float = 14.0
     """1/s: how fast a grabbed point's remaining distance from the finger is worked off."""
     aim_limit: float = 0.30

@@ -4,12 +4,15 @@ from math import pi
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bunraku.figure.camera import Orbit, look_at, metres_per_height, orbit_from, project, ray
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.figure.wire import to_message
 from bunraku.msgs import Camera, Contact, Contacts, Device, Pose, Target, Touch
+from bunraku.nodes.interpreter.grabs import straightened
 from bunraku.nodes.interpreter.node import Interpreter, Plays
 from bunraku.nodes.interpreter.rules import RULES
 from bunraku.runtime.memory import MemoryStage
@@ -283,6 +286,35 @@ def test_dragging_down_bends_forward_and_up_backward(part: str, axis: int) -> No
         assert np.sign(q[axis]) == way  # about +X: the front goes down
         assert abs(q[1]) < 1e-3
         assert np.linalg.norm(q) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_trunk_dragged_nearly_sideways_leans_and_does_not_bend() -> None:
+    bends, leans = [], []
+    for down in (-0.012, 0.0, 0.012):  # 3 cm, on a way of 28 cm
+        table = Table()
+        table.node.viewer.orbit = look_orbit((0.0, 1.2, 4.2))
+        table.stage.advance(0.05)
+        x, y = table.place("trunk")
+        table.down(1, (x, y))
+        table.drag(1, (x + 0.06, y + down), 1.0)
+        bends.append(table.target.trunk[0])
+        leans.append(table.target.trunk[2])
+    assert np.ptp(bends) < 0.01
+    assert max(leans) < -0.15
+
+
+@given(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)), st.floats(0.0, 2 * pi))
+def test_straightening_is_continuous_and_keeps_the_larger_part(way: tuple[float, float, float], angle: float) -> None:
+    one = np.array(way)
+    out = straightened(one)
+    assert np.all(np.abs(out) <= np.abs(one) + 1e-12)
+    level = float(np.hypot(one[0], one[2]))
+    if level > abs(one[1]):
+        assert out[[0, 2]] == pytest.approx(one[[0, 2]])
+    elif abs(one[1]) > level:
+        assert out[1] == pytest.approx(one[1])
+    near = straightened(one + 1e-6 * np.array([np.cos(angle), np.sin(angle), 0.0]))
+    assert np.linalg.norm(near - out) < 1e-4
 
 
 def test_a_trunk_dragged_sideways_never_turns_about_y() -> None:
