@@ -94,6 +94,8 @@ class DriverHost(Node):
     kind: ClassVar[Literal["touch", "pen", "hand", "pad"]] = "touch"
     built_in: ClassVar[Mapping[str, str]] = {}
     """Driver name -> 'module:Class'."""
+    says: ClassVar[str] = ""
+    """The publisher of the samples."""
 
     drivers: list[str] = param(["web"], doc="which drivers run, with commas between them")
     rate: float = param(120.0, low=1.0, high=1000.0, doc="Hz at which a performance is sampled")
@@ -166,8 +168,8 @@ class DriverHost(Node):
         return self.stage.clock.now()
 
     def listeners(self) -> int:
-        """How many hear the samples."""
-        raise NotImplementedError
+        """How many hear the samples; none before all nodes that were launched together are up."""
+        return self.publishers[self.says].subscribers() if self.stage.stack_is_up() else 0
 
     def connected(
         self,
@@ -193,7 +195,7 @@ class DriverHost(Node):
         )  # fmt: skip
         if known_one is None or not known_one.connected or known_one.size_m != size_m:
             self.surfaces[device] = made
-            self._latch(made)
+            self.latch(made)
         return True
 
     def gone(self, device: str, note: str = "") -> None:
@@ -202,7 +204,7 @@ class DriverHost(Node):
         if surface is None or not surface.connected:
             return
         surface.connected, surface.note = False, note[:1024]
-        self._latch(surface)
+        self.latch(surface)
         self.log.warning("%s: gone%s", device, f" ({note})" if note else "")
 
     def garbage(self, reason: str) -> None:
@@ -215,7 +217,8 @@ class DriverHost(Node):
         if self.at_end == "stop" and len(self.running) == 1:
             self.stop()
 
-    def _latch(self, message: Device) -> None:
+    def latch(self, message: Device) -> None:
+        """Say what a device is now."""
         topic = "device/" + (re.sub(r"[^a-z0-9_]+", "_", message.device.lower()).strip("_") or self.kind)
         # A page, and a performance of several files, is touch, pen and hands at once.
         topic = f"{topic}_{self.kind}" if message.driver in ("web", "script") else topic

@@ -13,15 +13,13 @@ class InputHand(DriverHost):
 
     name = "input_hand"
     kind: ClassVar[Literal["touch", "pen", "hand", "pad"]] = "hand"
+    says = "hands"
     built_in: ClassVar[Mapping[str, str]] = {
         "script": "bunraku.nodes.input_hand.script:ScriptDriver",
         "web": "bunraku.nodes.input_hand.web:WebDriver",
     }
     hands: Publisher[Hands] = Publisher("hands", Hands)
     lost: float = param(1.5, low=0.3, high=60.0, doc="s of silence after which a device's hands are not seen")
-
-    def listeners(self) -> int:
-        return self.hands.subscribers()
 
     def say(self, device: str, left: Hand | None, right: Hand | None, origin: int) -> None:
         """Hand over one sample of both hands."""

@@ -13,6 +13,7 @@ class InputPad(DriverHost):
 
     name = "input_pad"
     kind: ClassVar[Literal["touch", "pen", "hand", "pad"]] = "pad"
+    says = "pad"
     built_in: ClassVar[Mapping[str, str]] = {
         "evdev": "bunraku.nodes.input_pad.evdev:EvdevDriver",
         "script": "bunraku.nodes.input_pad.script:ScriptDriver",
@@ -21,9 +22,6 @@ class InputPad(DriverHost):
     pad: Publisher[Pad] = Publisher("pad", Pad)
     lost: float = param(1.5, low=0.3, high=60.0, doc="s of silence after which a page's gamepad is taken away")
     evdev: str = param("", doc="path of the gamepad for driver evdev; empty takes the first one")
-
-    def listeners(self) -> int:
-        return self.pad.subscribers()
 
     def say(self, device: str, axes: list[float], buttons: list[bool], origin: int) -> None:
         """Hand over one sample, in the order of the standard gamepad of browsers: axes right and down."""

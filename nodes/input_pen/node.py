@@ -13,6 +13,7 @@ class InputPen(DriverHost):
 
     name = "input_pen"
     kind: ClassVar[Literal["touch", "pen", "hand", "pad"]] = "pen"
+    says = "pen"
     built_in: ClassVar[Mapping[str, str]] = {
         "evdev": "bunraku.nodes.input_pen.evdev:EvdevDriver",
         "hid": "bunraku.nodes.input_pen.hid:HidDriver",
@@ -23,9 +24,6 @@ class InputPen(DriverHost):
     evdev: str = param("", doc="path of the tablet for driver evdev (/dev/input/event5); empty takes the first one")
     hid: str = param("", doc="the tablet for driver hid: a path or VENDOR:PRODUCT in hex; empty takes the first one")
     lost: float = param(1.5, low=0.3, high=60.0, doc="s of silence after which a pen that touches is taken away")
-
-    def listeners(self) -> int:
-        return self.pen.subscribers()
 
     def say(self, sample: Pen) -> None:
         """Hand over one sample."""

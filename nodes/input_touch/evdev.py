@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 
-from bunraku.nodes.input_touch.driver import Driver, Frame, Sample
+from bunraku.nodes.input_touch.frame import Frame, Sample
+from bunraku.runtime.driver import Driver
 from bunraku.runtime.linux_input import (
     EV_ABS,
     EV_SYN,
@@ -185,7 +186,7 @@ class EvdevDriver(Driver):
         self.decoder = SlotDecoder(ranges, lambda: slots(descriptor, count.high + 1, VALUES))
         self.device = f"evdev-{Path(file.path).name}"
         self.host.connected(
-            self.device, size_m=self.decoder.size_m, fields=self.decoder.fields,
+            self.device, driver="evdev", size_m=self.decoder.size_m, fields=self.decoder.fields,
             note=device_name(descriptor, "touch device"),
         )  # fmt: skip
         self.host.add_reader(descriptor, self._read)

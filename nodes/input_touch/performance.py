@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from bunraku.figure.camera import Orbit, metres_per_height, project
 from bunraku.figure.default import default_figure
 from bunraku.msgs import Camera
-from bunraku.nodes.input_touch.driver import Ending, Sample
+from bunraku.nodes.input_touch.frame import Ending, Sample
 
 Array = NDArray[np.float64]
 

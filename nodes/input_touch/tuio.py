@@ -12,7 +12,7 @@ from typing import Any
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message import OscMessage
 
-from bunraku.nodes.input_touch.driver import Frame, Sample
+from bunraku.nodes.input_touch.frame import Frame, Sample
 
 PROFILES = ("/tuio/2Dcur", "/tuio/2Dblb")
 OLD = 100

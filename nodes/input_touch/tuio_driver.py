@@ -4,8 +4,9 @@ import ipaddress
 import select
 import socket
 
-from bunraku.nodes.input_touch.driver import Driver, DriverProblem, Frame
+from bunraku.nodes.input_touch.frame import Frame
 from bunraku.nodes.input_touch.tuio import BadDatagram, TuioDecoder
+from bunraku.runtime.driver import Driver, DriverProblem
 
 SECOND = 1_000_000_000
 BURST = 512
@@ -40,7 +41,6 @@ class TuioDriver(Driver):
             ) from None
         self.port = int(self.socket.getsockname()[1])
         self.told_late = 0
-        self.devices: set[str] = set()
         self.host.add_reader(self.socket.fileno(), self.read)
         self.host.log.info("hears TUIO on %s:%d", host, self.port)
 
@@ -51,7 +51,6 @@ class TuioDriver(Driver):
     def keep(self, now: int) -> None:
         gone = self.decoder.silent(now - round(float(self.host.option("lost")) * SECOND))
         for device in gone:
-            self.devices.discard(device)
             self.host.gone(device, "the sender fell silent")
         if self.decoder.late != self.told_late and now % SECOND < SECOND // 10:
             self.host.log.info("%d datagrams came too late and were left out", self.decoder.late - self.told_late)
@@ -88,8 +87,7 @@ class TuioDriver(Driver):
                 self._say(frame)
 
     def _say(self, frame: Frame) -> None:
-        if frame.device not in self.devices:
-            self.devices.add(frame.device)
-            size = self.decoder.size_m
-            self.host.connected(frame.device, size_m=size, fields=["major", "minor", "angle"] if size else [])
-        self.host.frame(frame)
+        size = self.decoder.size_m
+        fields = ["major", "minor", "angle"] if size else []
+        if self.host.connected(frame.device, driver="tuio", size_m=size, fields=fields):
+            self.host.frame(frame)

@@ -1,7 +1,8 @@
 """The `web` driver: fingers on the page, from the browsers' raw events."""
 
 from bunraku.msgs import Event
-from bunraku.nodes.input_touch.driver import Driver, Ending, Frame, Sample
+from bunraku.nodes.input_touch.frame import Ending, Frame, Sample
+from bunraku.runtime.driver import Driver
 
 
 class WebDriver(Driver):
@@ -11,7 +12,6 @@ class WebDriver(Driver):
     topics = ("web/events",)
 
     def open(self) -> None:
-        self.pages: set[str] = set()
         self.held: dict[str, int] = {}
         """Page -> when it was heard last, while fingers are down on it."""
         self.host.listen("web/events", Event, self.on_event)
@@ -20,16 +20,13 @@ class WebDriver(Driver):
         """A frame of touches, or the end of a page."""
         if event.kind == "gone":
             self.held.pop(event.device, None)
-            if event.device in self.pages:
-                self.host.gone(event.device, "the page was closed")
+            self.host.gone(event.device, "the page was closed")
             return
         if event.kind != "touch":
             return
-        if event.device not in self.pages:
-            self.pages.add(event.device)
-            self.host.connected(
-                event.device, size_m=event.size_m, fields=["major", "minor", "angle", "pressure"], rate=60.0
-            )
+        fields = ["major", "minor", "angle", "pressure"]
+        if not self.host.connected(event.device, driver="web", size_m=event.size_m, fields=fields, rate=60.0):
+            return
         live: dict[int, Sample] = {}
         ended: dict[int, Ending] = {}
         for one in event.contacts:

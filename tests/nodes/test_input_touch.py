@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from bunraku.figure.camera import Orbit, default_camera, metres_per_height, project
 from bunraku.figure.default import default_figure
 from bunraku.msgs import Contact, Event, Touch
-from bunraku.nodes.input_touch.driver import DriverProblem, Ledger, Sample, find, known
+from bunraku.nodes.input_touch.frame import Ledger, Sample
 from bunraku.nodes.input_touch.node import InputTouch
 from bunraku.nodes.input_touch.performance import Curve, PerformanceError, parse
-from bunraku.nodes.input_touch.script import listeners_wanted
+from bunraku.runtime.driver import DriverProblem, find, known, listeners_wanted
 from bunraku.runtime.memory import MemoryStage
 from bunraku.runtime.node import Node, ParamProblem, subscribe
 
@@ -184,8 +184,13 @@ def test_a_missing_file_or_driver_is_refused_before_anything_runs(tmp_path: Path
     with pytest.raises(ParamProblem, match="no touch driver 'kinect'"):
         MemoryStage().add(InputTouch, drivers=["kinect"])
     with pytest.raises(DriverProblem, match="has: evdev, script, tuio, web"):
-        find("kinect")
-    assert [find(name).name for name in known()[:4]] == ["evdev", "script", "tuio", "web"]
+        find("touch", "kinect", InputTouch.built_in)
+    assert [find("touch", name, InputTouch.built_in).name for name in known("touch", InputTouch.built_in)] == [
+        "evdev",
+        "script",
+        "tuio",
+        "web",
+    ]
 
 
 def test_listeners_wanted() -> None:
@@ -236,16 +241,16 @@ def test_the_page_s_fingers_and_its_closing() -> None:
     # The same finger of another page is another finger; a move that was never put down is put down.
     stage.publish("web/events", page("web-b", "touch", Contact(id=3, phase="move", x=0.1, y=0.1)))
     assert [one.phase for one in stage.last("touch").contacts] == ["down"]
-    assert stage.last("device/web_a").connected
+    assert stage.last("device/web_a_touch").connected
     stage.publish("web/events", page("web-a", "gone"))
     assert [(one.id, one.phase) for one in stage.last("touch").contacts] == [(3, "cancel")]
-    assert not stage.last("device/web_a").connected
+    assert not stage.last("device/web_a_touch").connected
     stage.publish("web/events", page("web-b", "touch", Contact(id=3, phase="cancel", x=0.1, y=0.1)))
     assert [one.phase for one in stage.last("touch").contacts] == ["cancel"]
-    assert stage.last("device/web_b").connected
+    assert stage.last("device/web_b_touch").connected
     # A page that comes back is connected again.
     stage.publish("web/events", page("web-a", "touch", finger))
-    assert stage.last("device/web_a").connected
+    assert stage.last("device/web_a_touch").connected
 
 
 def test_a_page_that_is_silent_while_it_holds_contacts_loses_them() -> None:
@@ -261,14 +266,17 @@ def test_a_page_that_is_silent_while_it_holds_contacts_loses_them() -> None:
     assert [one.phase for one in stage.last("touch").contacts] == ["move"]
     stage.advance(0.3)
     assert [(one.id, one.phase) for one in stage.last("touch").contacts] == [(3, "cancel")]
-    assert (stage.last("device/web_a").connected, stage.last("device/web_a").note) == (False, "the page is silent")
+    assert (stage.last("device/web_a_touch").connected, stage.last("device/web_a_touch").note) == (
+        False,
+        "the page is silent",
+    )
     count = len(stage.received("touch"))
     stage.advance(5.0)
     assert len(stage.received("touch")) == count
     # It was only frozen: what it still holds is told as new.
     stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="move", x=0.6, y=0.25)))
     assert [one.phase for one in stage.last("touch").contacts] == ["down"]
-    assert stage.last("device/web_a").connected
+    assert stage.last("device/web_a_touch").connected
 
 
 def test_a_page_that_holds_nothing_may_be_silent() -> None:
@@ -277,5 +285,5 @@ def test_a_page_that_holds_nothing_may_be_silent() -> None:
     stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="down", x=0.5, y=0.25)))
     stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="up", x=0.5, y=0.25)))
     stage.advance(30.0)
-    assert stage.last("device/web_a").connected
+    assert stage.last("device/web_a_touch").connected
     assert [one.phase for one in stage.last("touch").contacts] == ["up"]

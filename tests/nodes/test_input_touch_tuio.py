@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
-from bunraku.nodes.input_touch.driver import Frame
+from bunraku.nodes.input_touch.frame import Frame
 from bunraku.nodes.input_touch.node import InputTouch
 from bunraku.nodes.input_touch.tuio import BadDatagram, TuioDecoder
 from bunraku.runtime.memory import MemoryStage
