@@ -164,7 +164,8 @@ def straightened(way: Array, rules: TouchRules = RULES) -> Array:
     ratio = min(across, up) / max(across, up, 1e-9)
     share = min(1.0, max(0.0, (ratio - rules.straight) / (rules.slanting - rules.straight)))
     keep = share * share * (3.0 - 2.0 * share)
-    return way * (np.array([keep, 1.0, keep]) if up > across else np.array([1.0, keep, 1.0]))
+    kept: Array = way * (np.array([keep, 1.0, keep]) if up > across else np.array([1.0, keep, 1.0]))
+    return kept
 
 
 class PelvisGrab:
