@@ -66,7 +66,7 @@ class Player(Node):
         self.known = 0
         self.passed: set[int] = set()
         self.crossed: set[int] = set()
-        self.paces: dict[int, float] = {}
+        self.paces: dict[int, deque[float]] = {}
         self.arc: float | None = None
         self.ticks = 0
         self.done = False
@@ -221,20 +221,23 @@ class Player(Node):
         both = self.pair(ago)
         if both is None or number >= len(both[0].things) or number >= len(both[1].things):
             return None
-        new, old, _shift, dt = both
+        new, old = both[:2]
+        dt = new.moved - old.moved
         thing = new.things[number]
         a, b = thing.track
         length = float(np.hypot(*(b - a)))
-        if length < 0.05:
+        if length < 0.05 or dt < 0.05:
             return np.asarray(thing.shadow.mean(axis=0))
         along = (b - a) / length
         at = float((thing.shadow.mean(axis=0) - a) @ along)
         before = float((old.things[number].shadow.mean(axis=0) - old.things[number].track[0]) @ along)
         pace = (at - before) / dt
         # Its usual speed is known from watching; near a turning place the last glance tells too little.
-        usual = self.paces[number] = max(self.paces.get(number, 0.0), abs(pace))
+        paces = self.paces.setdefault(number, deque(maxlen=40))
+        paces.append(abs(pace))
+        usual = float(np.quantile(paces, 0.7))
         way = at if pace >= 0.0 else 2.0 * length - at
-        trip = (way + usual * (ahead + self.time - new.time)) % (2.0 * length)
+        trip = (way + usual * (ahead + self.time - new.moved)) % (2.0 * length)
         place = trip if trip <= length else 2.0 * length - trip
         return np.asarray(a + place * along)
 

@@ -69,6 +69,8 @@ class Sight:
     figure: Array  # (2) between the feet
     path: Array | None  # (2) the drawn path's end
     things: list[Thing] = field(default_factory=list)
+    moved: float = 0.0
+    """s at which the things were where they are seen: the picture may be older than the glance."""
     there: bool = False
     """The picture says that the goal is reached."""
 
@@ -100,4 +102,5 @@ def look(
         if one.kind == "line" and one.color == PATH_COLOR:
             path = floor.at(project(camera, np.array(one.points[-1], dtype=np.float64)))
     words = [one.label for one in course.primitives if one.kind == "text"]
-    return Sight(time, floor.at(shares), shown, floor.at(project(camera, soles)), path, things, "There!" in words)
+    return Sight(time, floor.at(shares), shown, floor.at(project(camera, soles)), path, things,
+                 course.stamp * 1e-9, "There!" in words)  # fmt: skip
