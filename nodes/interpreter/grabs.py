@@ -115,9 +115,11 @@ class TurnGrab:
     def update(self, scene: Scene, frame: HeadingFrame, ray: Ray, dt: float) -> tuple[float, ...]:
         """The part's orientation wanted, world xyzw."""
         rules = self.rules
-        local = self.begin + straightened(self.plane.crossing(frame, ray.origin, ray.direction) - self.begin, rules)
+        way = self.plane.crossing(frame, ray.origin, ray.direction) - self.begin
+        counts = straight_parts(way, rules)
+        local = self.begin + counts * way
         arm = local - frame.to_local(scene.positions[self.pivot])
-        self._correct(scene, frame, ray, local, arm, dt)
+        self._correct(scene, frame, ray, local, arm, counts, dt)
         arm = arm + self.aim
         if float(arm @ arm) > 1e-6:
             between(self.arm, arm, self.change)
@@ -136,7 +138,9 @@ class TurnGrab:
         self.value = (float(out[0]), float(out[1]), float(out[2]), float(out[3]))
         return self.value
 
-    def _correct(self, scene: Scene, frame: HeadingFrame, ray: Ray, wanted: Array, arm: Array, dt: float) -> None:
+    def _correct(
+        self, scene: Scene, frame: HeadingFrame, ray: Ray, wanted: Array, arm: Array, counts: Array, dt: float
+    ) -> None:
         """Work off what still lies between the touched point and the finger, as far as turning can."""
         joint = self.part.joint
         place = np.empty(3)
@@ -148,24 +152,27 @@ class TurnGrab:
         length = float(arm @ arm)
         if length > 1e-6:
             error = error - arm * (float(error @ arm) / length)
-        self.aim = self.aim + error * (1.0 - exp(-dt * self.rules.aim_gain))
+        counts = counts.copy()
+        counts[self.plane.axis] = 0.0  # on the plane only: depth cannot be seen to be off
+        self.aim = self.aim + counts * error * (1.0 - exp(-dt * self.rules.aim_gain))
         size = float(np.linalg.norm(self.aim))
         if size > self.rules.aim_limit:
             self.aim *= self.rules.aim_limit / size
 
 
-def straightened(way: Array, rules: TouchRules = RULES) -> Array:
-    """A drag (3, heading frame) that goes nearly level, or nearly up or down, without the little beside it.
+def straight_parts(way: Array, rules: TouchRules = RULES) -> Array:
+    """What counts of a drag (3, heading frame), 0..1 for each axis: all, or little of what is beside a way that goes
+    nearly level, or nearly up or down.
 
-    The touched point is on the body's front, a hand's breadth before what it turns about: two centimetres up or down
-    in a drag to the side would bend the trunk by ten degrees, which can hardly be seen from there.
+    The touched point is on the body's front, a hand's breadth before what it turns about: the centimetre by which a
+    trunk that leans to a side sinks away from a level finger would bend it backward by five degrees, which can hardly
+    be seen from there.
     """
     across, up = sqrt(float(way[0]) ** 2 + float(way[2]) ** 2), abs(float(way[1]))
     ratio = min(across, up) / max(across, up, 1e-9)
     share = min(1.0, max(0.0, (ratio - rules.straight) / (rules.slanting - rules.straight)))
     keep = share * share * (3.0 - 2.0 * share)
-    kept: Array = way * (np.array([keep, 1.0, keep]) if up > across else np.array([1.0, keep, 1.0]))
-    return kept
+    return np.array([keep, 1.0, keep]) if up > across else np.array([1.0, keep, 1.0])
 
 
 class PelvisGrab:

@@ -338,6 +338,7 @@ class TouchUser:
         for again in range(8):
             if again:
                 self.gather()
+                self.view("front")
             if abs(self.turned()) > TURNED and not self.holding:
                 self.turn()
                 self.view("front")

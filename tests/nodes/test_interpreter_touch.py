@@ -12,7 +12,8 @@ from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.figure.wire import to_message
 from bunraku.msgs import Camera, Contact, Contacts, Device, Pose, Target, Touch
-from bunraku.nodes.interpreter.grabs import straightened
+from bunraku.nodes.controller.node import Controller
+from bunraku.nodes.interpreter.grabs import straight_parts
 from bunraku.nodes.interpreter.node import Interpreter, Plays
 from bunraku.nodes.interpreter.rules import RULES
 from bunraku.runtime.memory import MemoryStage
@@ -306,15 +307,37 @@ def test_a_trunk_dragged_nearly_sideways_leans_and_does_not_bend() -> None:
 @given(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)), st.floats(0.0, 2 * pi))
 def test_straightening_is_continuous_and_keeps_the_larger_part(way: tuple[float, float, float], angle: float) -> None:
     one = np.array(way)
-    out = straightened(one)
+    out = straight_parts(one) * one
     assert np.all(np.abs(out) <= np.abs(one) + 1e-12)
     level = float(np.hypot(one[0], one[2]))
     if level > abs(one[1]):
         assert out[[0, 2]] == pytest.approx(one[[0, 2]])
     elif abs(one[1]) > level:
         assert out[1] == pytest.approx(one[1])
-    near = straightened(one + 1e-6 * np.array([np.cos(angle), np.sin(angle), 0.0]))
-    assert np.linalg.norm(near - out) < 1e-4
+    if np.linalg.norm(one) > 1e-3:
+        near = one + 1e-6 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        assert np.linalg.norm(straight_parts(near) * near - out) < 1e-4
+
+
+def test_a_level_drag_of_the_trunk_leans_the_figure_on_stage_without_bending_it() -> None:
+    """With the controller: what a lean takes the touched point down is not worked off by bending."""
+    stage = MemoryStage()
+    node = stage.add(Interpreter, azimuth=0.12, elevation=0.10)
+    core = stage.add(Controller).core
+    stage.advance(0.5)
+    neck = FIGURE.role("neck")
+    before = core.positions_ws[neck].copy()
+    x, y = project(stage.last("camera"), 0.6 * before + 0.4 * core.positions_ws[FIGURE.role("spine")])
+    for k in range(120):
+        share = min(1.0, k / 60)
+        phase = "down" if k == 0 else "move"
+        one = Contact(id=1, phase=phase, x=float(x) - 0.02 * share, y=float(y))  # type: ignore[arg-type]
+        stage.publish("touch", Touch(device="test", contacts=[one]))
+        stage.advance(1.0 / HZ)
+    assert node.cores["figure"].held.keys() == {"trunk"}  # type: ignore[attr-defined]
+    moved = core.positions_ws[neck] - before
+    assert moved[0] < -0.10
+    assert abs(moved[2]) < 0.03
 
 
 def test_a_trunk_dragged_sideways_never_turns_about_y() -> None:
