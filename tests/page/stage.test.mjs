@@ -4,7 +4,7 @@ import {readFileSync} from "node:fs";
 import {test} from "node:test";
 import {Identity, waitBefore} from "../../nodes/web/page/connection.js";
 import {forwardKinematics, quatMultiply} from "../../nodes/web/page/maths.js";
-import {lay, placed, Sheet} from "../../nodes/web/page/overlays.js";
+import {ears, lay, placed, ribbon, Sheet} from "../../nodes/web/page/overlays.js";
 import {controlOf, stepOf} from "../../nodes/web/page/params.js";
 import {mixPoses, Playout, Track} from "../../nodes/web/page/playout.js";
 import {Samples} from "../../nodes/web/page/stats.js";
@@ -175,6 +175,42 @@ test("every kind of primitive is drawn where it is", () => {
   const text = draw({kind: "text", label: "abc", points: new Float32Array([0.5, 0.5]), size: 0.05}).picture;
   assert.equal(text.count, 18);
   assert.ok(draw({label: "hand", space: "world", dim: 3, points: new Float32Array([0, 1, 0, 1, 1, 0])}).picture.count === 24);
+});
+
+test("a hollow polygon is filled where it is and nowhere else, in any plane and direction", () => {
+  const flat = [[0, 0], [4, 0], [4, 3], [3, 3], [3, 1], [1, 1], [1, 3], [0, 3]]; // a U: its hull holds 4 more
+  for (const lift of [([x, y]) => [x, y, 1], ([x, y]) => [2, x, y], ([x, y]) => [y, 0, x]]) {
+    for (const shape of [flat.map(lift), flat.map(lift).reverse()]) {
+      let area = 0;
+      for (const [a, b, c] of ears(shape)) {
+        const [p, q] = [b, c].map((i) => shape[i].map((v, k) => v - shape[a][k]));
+        area += Math.hypot(p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]) / 2;
+      }
+      near(area, 8);
+      assert.equal(ears(shape).length, 6);
+    }
+  }
+  assert.deepEqual(ears([]), []);
+  assert.equal(ears([[0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0]]).length, 2); // crosses itself
+});
+
+test("a bent line is one piece of an even width", () => {
+  const sheet = new Sheet();
+  ribbon(sheet, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 0]], 0.2, null);
+  assert.equal(sheet.count, 12);
+  let area = 0;
+  const at = (i) => [sheet.data[6 * i], sheet.data[6 * i + 1]];
+  for (let i = 0; i < sheet.count; i += 3) {
+    const [p, q, r] = [at(i), at(i + 1), at(i + 2)];
+    area += Math.abs((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])) / 2;
+  }
+  near(area, 0.4);
+  const thin = new Sheet();
+  ribbon(thin, [[0, 0, 0], [1, 0, 0]], 0, null, {least: 0.01});
+  near(extent(thin, 1)[1], 0.005);
+  const back = new Sheet();
+  ribbon(back, [[0, 0, 0], [1, 0, 0], [0, 0, 0]], 0.2, null);
+  assert.ok(extent(back, 0)[1] < 1.2 && extent(back, 1)[1] < 0.2);
 });
 
 test("odd primitives do no harm", () => {

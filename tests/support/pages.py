@@ -61,11 +61,11 @@ class Hall:
         run = folder / "r"
         run.mkdir(mode=0o700)
         self.folder = run / "bunraku" / "page"
-        environment = {**os.environ, "XDG_RUNTIME_DIR": str(run), "BUNRAKU_STAGE": "page"}
+        self.environment = {"XDG_RUNTIME_DIR": str(run), "BUNRAKU_STAGE": "page"}
         self.log = (folder / "log").open("w+")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bunraku.cli", "launch", *words], env=environment, stdout=self.log,
-            stderr=subprocess.STDOUT, cwd=folder, start_new_session=True,
+            [sys.executable, "-m", "bunraku.cli", "launch", *words], env={**os.environ, **self.environment},
+            stdout=self.log, stderr=subprocess.STDOUT, cwd=folder, start_new_session=True,
         )  # fmt: skip
         try:
             self.until(lambda: "nodes up" in self.said(), 200.0)  # kernels may be compiled first

@@ -5,6 +5,7 @@ import {showParams} from "./params.js";
 import {saving} from "./saving.js";
 import {show} from "./stats.js";
 import {clockText, lengthOf, Player, readTrack} from "./takes.js";
+import {letterbox} from "./view.js";
 
 /** @typedef {import("./connection.js").Connection} Connection */
 
@@ -197,7 +198,7 @@ export function drawer(connection, calibration, shape) {
     if (document.fullscreenElement) await document.exitFullscreen();
     else await document.documentElement.requestFullscreen();
   });
-  byId("fit", HTMLButtonElement).onclick = () => attempt(async () => {
+  byId("fit", HTMLButtonElement).onclick = byId("fitnow", HTMLButtonElement).onclick = () => attempt(async () => {
     const value = Math.round(1000 * shape()) / 1000;
     const {nodes} = await connection.call("nodes");
     const owners = nodes.filter((/** @type {any} */ one) => one.params.aspect?.settable);
@@ -221,6 +222,17 @@ export function drawer(connection, calibration, shape) {
   };
   shown();
   return {get open() { return !box.hidden; }};
+}
+
+const WASTED = 0.6; // share of the stage below which the picture's shape is taken for the wrong one
+
+/**
+ * Offer to fit the picture where much of this screen is empty.
+ * @param {import("./stage.js").Stage} stage @param {boolean} plays
+ */
+export function offerFit({camera, canvas}, plays) {
+  const {width, height} = letterbox(camera.aspect, canvas.clientWidth, canvas.clientHeight);
+  byId("fitnow", HTMLButtonElement).hidden = !plays || width * height > WASTED * canvas.clientWidth * canvas.clientHeight;
 }
 
 /**

@@ -14,7 +14,7 @@ in vec2 uv; in vec4 tint; uniform sampler2D letters; uniform float night; out ve
 void main() {
   if (uv.x < 0.0) { color = vec4(tint.rgb, 1.0) * tint.a; return; }
   vec2 cover = texture(letters, uv).rg; // of the letter, and of its halo
-  vec3 ink = night > 0.5 ? mix(tint.rgb, vec3(1.0), 0.5) : tint.rgb * 0.55;
+  vec3 ink = night > 0.5 ? mix(tint.rgb, vec3(1.0), 0.65) : tint.rgb * 0.55;
   color = vec4(ink, 1.0) * cover.r * min(1.0, 0.25 + tint.a)
     + vec4(vec3(1.0 - night), 1.0) * (1.0 - cover.r) * cover.g * 0.55 * tint.a;
 }`;
@@ -128,7 +128,7 @@ export class Ink {
     ground.clear();
     world.clear();
     picture.clear();
-    layAll(this.sheets, layers, view, aspect, this.letters, parents);
+    layAll(this.sheets, layers, view, aspect, this.letters, parents, dark);
     if (!ground.count && !world.count && !picture.count) return;
     const {program, at} = this.program;
     gl.useProgram(program);

@@ -2,7 +2,7 @@
 
 import {Calibration} from "./calibrate.js";
 import {Connection, Identity} from "./connection.js";
-import {drawer, hideHint, showNumbers, showState, takes, theme, ways} from "./controls.js";
+import {drawer, hideHint, offerFit, showNumbers, showState, takes, theme, ways} from "./controls.js";
 import {attempt, byId, make, toast} from "./dom.js";
 import {SliderHands} from "./hands.js";
 import {LOOKS} from "./ground.js";
@@ -152,6 +152,7 @@ function begin() {
       told = began;
       stats.traffic(connection.bytes, began);
       showNumbers(stats, connection, here.pages);
+      offerFit(stage, here.role === "play");
     }
     stats.frame(began, performance.now(), stage.calls ?? 0, stage.shown.echo);
   };

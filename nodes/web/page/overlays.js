@@ -16,7 +16,8 @@ const LABEL = 0.026; // of the picture's height
 const RING = 0.0045; // of the picture's height, thickness of a circle's rim
 const FILL = 0.24; // share of its colour's opacity with which a circle is filled
 const BAR = 0.03; // m, or share of the panel's height
-const CARD = [1, 1, 1, 0.62];
+const THIN = 0.08; // of the smallest letters: a bit more than a pixel
+const CARD = [1, 1, 1, 0.62], DARK_CARD = [0.12, 0.15, 0.18, 0.72];
 /** The first panel's place in shares of the picture; others follow to its right. @type {Box} */
 export const PANEL = {x: 0.015, y: 0.68, width: 0.3, height: 0.3};
 
@@ -82,21 +83,88 @@ export function placed(primitive, aspect, panel) {
 }
 
 /**
- * A line of a width, square to the viewer (world) or on the picture.
- * @param {Sheet} sheet @param {number[]} a @param {number[]} b @param {number} width @param {View | null} view
+ * What lies across a line at a place: unit length, square to the viewer (world) or on the picture.
+ * @param {number[]} at @param {number[]} d the line's direction @param {View | null} view
  */
-export function stroke(sheet, a, b, width, view) {
-  const d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-  let side;
+function across(at, d, view) {
+  let side = [-d[1], d[0], 0];
   if (view) {
-    const look = view.ortho ? view.axes.slice(6) : a.map((v, k) => view.eye[k] - v);
+    const look = view.ortho ? view.axes.slice(6) : at.map((v, k) => view.eye[k] - v);
     side = [d[1] * look[2] - d[2] * look[1], d[2] * look[0] - d[0] * look[2], d[0] * look[1] - d[1] * look[0]];
-  } else side = [-d[1], d[0], 0];
-  const n = width / 2 / (Math.hypot(side[0], side[1], side[2]) || 1);
-  side = side.map((v) => v * n);
-  /** @param {number[]} p @param {number} s */
-  const off = (p, s) => p.map((v, k) => v + s * side[k]);
-  sheet.quad(off(a, 1), off(b, 1), off(b, -1), off(a, -1));
+  }
+  const n = Math.hypot(...side);
+  return side.map((v) => v / (n || 1));
+}
+
+/**
+ * A path of a width, in one piece: neighbours share their corner, so that nothing lies twice over.
+ * @param {Sheet} sheet @param {number[][]} points @param {number} width @param {View | null} view
+ * @param {{closed?: boolean, least?: number}} [how] `least`: the smallest width that is seen, a share of the picture's
+ *   height
+ */
+export function ribbon(sheet, points, width, view, {closed = false, least = 0} = {}) {
+  const path = points.filter((p, i) => !i || p.some((v, k) => Math.abs(v - points[i - 1][k]) > 1e-7));
+  if (closed && path.length > 2) path.push(path[0]);
+  if (path.length < 2) return;
+  const ways = path.slice(1).map((p, i) => p.map((v, k) => v - path[i][k]));
+  const edges = path.map((p, i) => {
+    const before = ways[i - 1] ?? (closed ? ways[ways.length - 1] : ways[0]);
+    const after = ways[i] ?? (closed ? ways[0] : before);
+    const one = across(p, before, view), other = across(p, after, view);
+    const sum = one.map((v, k) => v + other[k]), n = Math.hypot(...sum);
+    const cos = n / 2; // of half the turn
+    const mitre = cos > 0.3 ? sum.map((v) => v / n / Math.min(1, Math.max(0.5, cos))) : other;
+    const wide = Math.max(width, least * (view ? heightAt(view, p) : 1)) / 2;
+    return [p.map((v, k) => v + wide * mitre[k]), p.map((v, k) => v - wide * mitre[k])];
+  });
+  for (let i = 1; i < edges.length; i++) sheet.quad(edges[i - 1][0], edges[i][0], edges[i][1], edges[i - 1][1]);
+}
+
+/** Triangles of the polygons that are shown, kept from frame to frame. @type {WeakMap<Primitive, number[][]>} */
+const known = new WeakMap();
+
+/** @param {Primitive} primitive @param {number[][]} points */
+function filled(primitive, points) {
+  const triangles = known.get(primitive) ?? ears(points);
+  known.set(primitive, triangles);
+  return triangles;
+}
+
+/**
+ * A polygon's triangles as corners' numbers, by cutting off ears; it may be hollowed but not cross itself.
+ * @param {number[][]} points @returns {number[][]}
+ */
+export function ears(points) {
+  // seen along the axis to which it is turned most
+  const normal = [0, 0, 0];
+  points.forEach((p, i) => {
+    const q = points[(i + 1) % points.length];
+    for (let k = 0; k < 3; k++) normal[k] += (p[(k + 1) % 3] - q[(k + 1) % 3]) * (p[(k + 2) % 3] + q[(k + 2) % 3]);
+  });
+  const axis = [0, 1, 2].reduce((best, k) => (Math.abs(normal[k]) > Math.abs(normal[best]) ? k : best), 0);
+  const turn = Math.sign(normal[axis]) || 1, [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+  /** @param {number} a @param {number} b @param {number} c twice the area, above zero to the left */
+  const area = (a, b, c) => {
+    const [p, q, r] = [points[a], points[b], points[c]];
+    return turn * ((q[u] - p[u]) * (r[v] - p[v]) - (q[v] - p[v]) * (r[u] - p[u]));
+  };
+  const left = points.map((_, i) => i), last = points.length - 1;
+  if (left.every((i) => i < 1 || i >= last || (area(i - 1, i, i + 1) >= 0 && area(0, i, i + 1) >= 0))) {
+    return left.slice(2).map((i) => [0, i - 1, i]); // nothing hollow: a fan
+  }
+  const out = [];
+  while (left.length > 3) {
+    const found = left.findIndex((b, i) => {
+      const a = left[(i + left.length - 1) % left.length], c = left[(i + 1) % left.length];
+      return area(a, b, c) > 0 && left.every((p) =>
+        p === a || p === b || p === c || area(a, b, p) < 0 || area(b, c, p) < 0 || area(c, a, p) < 0);
+    });
+    const i = Math.max(0, found), n = left.length; // one that crosses itself loses some corner
+    out.push([left[(i + n - 1) % n], left[i], left[(i + 1) % n]]);
+    left.splice(i, 1);
+  }
+  if (left.length === 3) out.push(left);
+  return out;
 }
 
 /**
@@ -138,16 +206,16 @@ export function words(sheet, letters, text, at, height, align = 0) {
 /**
  * Lay all that nodes want to be drawn; each node's panel gets a card of its own.
  * @param {Sheets} sheets @param {Iterable<{primitives: Primitive[]}>} layers @param {View} view @param {number} aspect
- * @param {Letters} letters @param {number[]} parents @param {Box} [panel]
+ * @param {Letters} letters @param {number[]} parents @param {boolean} dark @param {Box} [panel]
  */
-export function layAll(sheets, layers, view, aspect, letters, parents, panel = PANEL) {
+export function layAll(sheets, layers, view, aspect, letters, parents, dark, panel = PANEL) {
   let panels = 0;
   for (const {primitives} of layers) {
     const box = {...panel, x: panel.x + panels * (panel.width + 0.01)};
     if (primitives.some((one) => one.space === "panel")) {
       panels++;
       const [x0, x1] = [box.x * aspect, (box.x + box.width) * aspect], [y0, y1] = [box.y, box.y + box.height];
-      sheets.picture.color(CARD);
+      sheets.picture.color(dark ? DARK_CARD : CARD);
       sheets.picture.quad([x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]);
     }
     for (const one of primitives) lay(sheets, one, view, aspect, box, letters, parents);
@@ -169,7 +237,7 @@ export function lay(sheets, primitive, view, aspect, panel, letters, parents) {
   const sheet = low ? sheets.ground : world ? sheets.world : sheets.picture;
   const scale = primitive.space === "panel" ? panel.height : 1;
   const size = primitive.size * scale, color = primitive.color;
-  const facing = world ? view : null;
+  const facing = world ? view : null, thin = THIN * letters.least;
   const right = world ? view.axes.slice(0, 3) : [1, 0, 0], up = world ? view.axes.slice(3, 6) : [0, 1, 0];
   /** @param {number} share */
   const faint = (share) => [...color.slice(0, 3), Math.min(1, color[3] * share)];
@@ -189,19 +257,17 @@ export function lay(sheets, primitive, view, aspect, panel, letters, parents) {
       for (const p of points) disc(sheet, p, size / 2, right, up, 0);
       break;
     case "line":
-      for (let i = 1; i < points.length; i++) stroke(sheet, points[i - 1], points[i], size, facing);
+      ribbon(sheet, points, size, facing, {least: thin});
       break;
     case "polygon":
-      for (let i = 2; i < points.length; i++) sheet.triangle(points[0], points[i - 1], points[i]);
+      for (const [i, j, k] of filled(primitive, points)) sheet.triangle(points[i], points[j], points[k]);
       sheet.color(faint(1.6));
-      for (let i = 0; world && i < points.length; i++) {
-        stroke(sheet, points[i], points[(i + 1) % points.length], size, facing);
-      }
+      if (world) ribbon(sheet, points, size, facing, {closed: true, least: thin});
       break;
     case "figure":
       points.forEach((p, j) => {
         const parent = parents[j] ?? -1;
-        if (parent >= 0 && parent < points.length) stroke(sheet, points[parent], p, size, facing);
+        if (parent >= 0 && parent < points.length) ribbon(sheet, [points[parent], p], size, facing, {least: thin});
         disc(sheet, p, 0.75 * size, right, up, 0);
       });
       break;
@@ -222,9 +288,9 @@ export function lay(sheets, primitive, view, aspect, panel, letters, parents) {
 function layBar(sheet, a, b, primitive, width, facing) {
   const share = Math.min(1, Math.max(0, primitive.size));
   sheet.color([...primitive.color.slice(0, 3), primitive.color[3] * 0.25]);
-  stroke(sheet, a, b, width, facing);
+  ribbon(sheet, [a, b], width, facing);
   sheet.color(primitive.color);
-  stroke(sheet, a, a.map((v, k) => v + share * (b[k] - v)), width, facing);
+  ribbon(sheet, [a, a.map((v, k) => v + share * (b[k] - v))], width, facing);
 }
 
 /** Metres that the picture's height spans at a place. @param {View} view @param {number[]} p */
@@ -238,6 +304,7 @@ function heightAt(view, p) {
  */
 function layLabel(sheet, primitive, points, view, aspect, scale, letters) {
   const text = primitive.kind === "text";
+  sheet.color(primitive.color);
   let [x, y] = points[0], height = text ? primitive.size * scale : LABEL;
   if (primitive.space === "world") {
     const seen = project(view, points[0]);
