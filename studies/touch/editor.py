@@ -52,7 +52,7 @@ class EditorUser:
         stage.advance(0.5)
         core = start.core
         self.pose, self.base = analyse(self.skeleton, core.positions_ws[0], core.rotations_ls)
-        self.positions = core.positions_ws.copy()
+        self.positions, self.rotations = core.positions_ws.copy(), core.rotations_ls.copy()
         self.view = "front"
         first = self.look()
         self.hips = first.hips()
@@ -78,6 +78,10 @@ class EditorUser:
         """m between the farthest joint and the ghost's."""
         return float(np.linalg.norm(self.positions - self.goal.positions, axis=1).max())
 
+    def taken(self) -> tuple[Array, Array]:
+        """The figure's pose now: its root (3) m and local rotations (J, 4)."""
+        return self.positions[0].copy(), self.rotations.copy()
+
     def round(self) -> None:
         """Every handle that is off, from the front and then from the side, from the ground up."""
         for view in VIEWS:
@@ -96,7 +100,7 @@ class EditorUser:
 
     def show(self) -> None:
         """The figure after a change; the task ends as soon as the pose is reached."""
-        _, self.positions = reconstruct(self.skeleton, self.pose, self.base)
+        self.rotations, self.positions = reconstruct(self.skeleton, self.pose, self.base)
         error = self.error()
         self.score.track.append((self.time, error))
         if error < REACHED:
@@ -173,9 +177,11 @@ class EditorUser:
             self.turn("chest", self.pose.turns[0], 0, self.leaning)
 
     def turned(self) -> float:
-        """By how much the ghost's hips seem to be turned, rad about Y."""
+        """By how much farther the ghost's hips seem to be turned, rad about Y (the figure's feet do not turn with its
+        hips here, and tell nothing)."""
         sight = self.look()
-        left = sight.heading(sight.goal, self.hips) - sight.heading(sight.now, self.hips)
+        goal, now = sight.heading(sight.goal, self.hips), abs(sight.heading(sight.now, self.hips))
+        left = float(np.sign(goal)) * (abs(goal) - now)
         return left if abs(left) > TURNED else 0.0
 
     def leaning(self) -> float:

@@ -17,8 +17,8 @@ from bunraku.nodes.renderer.scene import paint
 from bunraku.nodes.renderer.view import Figure, Layer, View
 from bunraku.runtime.memory import MemoryStage
 
+from .editor import VIEWS
 from .poses import Ghost
-from .user import VIEWS
 
 if TYPE_CHECKING:
     from .study import Run
@@ -49,6 +49,31 @@ def draw_poses(ghosts: Sequence[Ghost], path: Path) -> None:
         draw.text(
             (WIDTH * column + 10, 8), f"{one.goal.name}: {one.goal.says}", fill=INK, font=ImageFont.load_default(18)
         )
+    engine.close()
+    sheet.save(path)
+
+
+def draw_reached(ghosts: Sequence[Ghost], runs: Sequence["Run"], path: Path) -> None:
+    """The pose that the first simulated user of each tool ended in, the target's bones laid over it."""
+    figure = default_figure()
+    parents = tuple(int(parent) for parent in figure.parents)
+    engine = open_engine()
+    tools = list(dict.fromkeys(run.tool for run in runs))
+    sheet = Image.new("RGB", (WIDTH * len(ghosts), HEIGHT * len(tools)), "white")
+    draw = ImageDraw.Draw(sheet)
+    for column, ghost in enumerate(ghosts):
+        bones = Primitive(kind="figure", points=[tuple(map(float, point)) for point in ghost.positions], size=0.012)
+        azimuth, elevation = (0.5, 0.15)
+        orbit = Orbit(azimuth=azimuth + (ghost.goal.yaw or 0.0), elevation=elevation, distance=4.0, aspect=1.0)
+        for line, tool in enumerate(tools):
+            run = next(run for run in runs if run.tool == tool and run.pose == ghost.goal.name)
+            positions, turns = fk(figure, run.pose_root, run.pose_rotations)
+            view = View(orbit.camera(), (Figure(figure, positions, turns),), (Layer((bones,), parents),))
+            pixels = paint(engine, view, WIDTH, HEIGHT)
+            sheet.paste(Image.fromarray(np.ascontiguousarray(pixels[..., :3])), (WIDTH * column, HEIGHT * line))
+            score = run.score
+            says = f"{ghost.goal.name} {tool}: {score.seconds:.1f} s, {100 * score.error:.1f} cm off"
+            draw.text((WIDTH * column + 10, HEIGHT * line + 8), says, fill=INK, font=ImageFont.load_default(18))
     engine.close()
     sheet.save(path)
 

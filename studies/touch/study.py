@@ -4,7 +4,7 @@
 
 Five target poses; a pose is done when every joint is within 10 cm of its target's. Both kinds of users have the
 same motor model (Fitts's law, a mental act for each decision, scattered end points); no person took part. Writes
-the tables (table.md), every run (runs.json) and pictures (poses.png, times.png) into the folder.
+the tables (table.md), every run (runs.json) and pictures (poses.png, reached.png, times.png) into the folder.
 """
 
 import argparse
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bunraku.cli.progress import Progress
 
@@ -24,6 +25,7 @@ from .motor import FINGER, POINTER, Motor
 from .poses import GOALS, Ghost, ghost
 from .user import GIVE_UP, Score, TouchUser
 
+Array = NDArray[np.float64]
 PAPER = {"1": (27.4, 8.6), "2": (33.2, 9.9), "3": (34.7, 11.9), "4": (76.2, 25.6), "5": (132.5, 40.1)}
 """Seconds of seven people, mouse and touch, at poses of the same rank (Oshita 2013, table 1); not the same poses."""
 TOOLS: dict[str, tuple[type[TouchUser] | type[EditorUser], Motor]] = {
@@ -48,13 +50,17 @@ class Run:
     pose: str
     seed: int
     score: Score
+    pose_root: Array
+    """(3) m, of the pose at the end."""
+    pose_rotations: Array  # (J, 4)
 
 
 def perform(tool: str, target: Ghost, seed: int, change: Callable[[Motor], Motor] | None = None) -> Run:
     """Let one simulated user pose the figure."""
     user, motor = TOOLS[tool]
-    score = user(target, change(motor) if change else motor, seed).run()
-    return Run(tool, target.goal.name, seed, score)
+    one = user(target, change(motor) if change else motor, seed)
+    score = one.run()
+    return Run(tool, target.goal.name, seed, score, *one.taken())
 
 
 def row(runs: Sequence[Run]) -> dict[str, float]:
@@ -77,8 +83,8 @@ def table(runs: Sequence[Run], seeds: int) -> list[str]:
     """The main table, in Markdown."""
     lines = [
         f"Simulated users, {seeds} a pose and tool: median s (10 % to 90 %), strokes, camera moves, and the share",
-        "that reached the pose (all joints within 10 cm). Beside them the seconds of seven people at poses of the",
-        "same rank (Oshita 2013, table 1).",
+        "that reached the pose (all joints within 10 cm; medians of those). Beside them the seconds of seven people at",
+        "poses of the same rank (Oshita 2013, table 1).",
         "",
         "| pose | touch s | strokes | camera | reached | handles s | strokes | camera | reached | people |",
         "|---|---|---|---|---|---|---|---|---|---|",
@@ -156,12 +162,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         for name, some in results.items() for run in some
     ]  # fmt: skip
     (args.output / "runs.json").write_text(json.dumps(listed), encoding="utf-8")
-    from .pictures import draw_poses, draw_times
+    from .pictures import draw_poses, draw_reached, draw_times
 
     draw_poses(ghosts, args.output / "poses.png")
+    draw_reached(ghosts, runs, args.output / "reached.png")
     draw_times(runs, args.output / "times.png")
     print(json.dumps(listed) if args.json else "\n".join(lines))
-    print(f"written to {args.output}: table.md runs.json poses.png times.png", file=sys.stderr)
+    print(f"written to {args.output}: table.md runs.json poses.png reached.png times.png", file=sys.stderr)
     return 0 if all(row([run for run in runs if run.pose == goal.name and run.tool == "touch"])["reached"]
                     for goal in goals) else 1  # fmt: skip
 

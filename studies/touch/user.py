@@ -113,6 +113,11 @@ class TouchUser:
         away = np.linalg.norm(self.controller.core.positions_ws - self.goal.positions, axis=1)
         return float(away.max())
 
+    def taken(self) -> tuple[Array, Array]:
+        """The figure's pose now: its root (3) m and local rotations (J, 4)."""
+        core = self.controller.core
+        return core.positions_ws[0].copy(), core.rotations_ls.copy()
+
     def tick(self) -> None:
         """One 60th of a second; the task ends as soon as the pose is reached."""
         self.stage.advance(1.0 / HZ)

@@ -8,6 +8,9 @@ import pytest
 
 from bunraku.cli import main
 from bunraku.cli.study import load, studies
+from bunraku.figure.camera import Orbit
+from bunraku.figure.default import default_figure
+from bunraku.figure.fk import fk
 
 
 def test_the_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,4 +52,51 @@ def test_one_user_takes_the_easiest_pose_by_touch_alone(tmp_path: Path, capsys: 
         assert run["error"] < 0.10
         assert 1.0 < run["seconds"] < 60.0
         assert run["strokes"] >= 1
-    assert {path.name for path in tmp_path.iterdir()} == {"table.md", "runs.json", "poses.png", "times.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "table.md", "runs.json", "poses.png", "reached.png", "times.png",
+    }  # fmt: skip
+
+
+def test_users_see_no_depth_but_foreshortening_headings_and_leans() -> None:
+    load("touch", studies()["touch"])
+    import importlib
+
+    sight = importlib.import_module("bunraku_study_touch.sight").Sight
+    figure = default_figure()
+    camera = Orbit(azimuth=0.3, elevation=0.1).camera()
+    standing = figure.rest_positions
+    eye = np.array(camera.position)
+    farther = eye + (standing - eye) * np.linspace(0.7, 1.4, len(standing))[:, None]  # each along its own ray
+    look = sight.at(figure, camera, standing, farther)
+    assert look.goal == pytest.approx(look.now, abs=1e-9)
+    assert (look.azimuth, look.elevation) == pytest.approx((0.3, 0.1))
+    scale = 0.1  # picture heights a metre: every arm in a T-pose is longer than that on the picture
+    assert not look.deep(scale)
+    assert sight.at(figure, Orbit(azimuth=1.5, elevation=0.0).camera(), standing, standing).deep(1.0 / 2.73)
+    # A figure turned by 0.5 rad to its left, seen from the front; its neck 0.1 m to the picture's right of its hips.
+    front = Orbit(azimuth=0.0, elevation=0.1).camera()
+    c, s = np.cos(0.5), np.sin(0.5)
+    turned = standing @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    leant = turned + np.outer(np.arange(len(standing)) == figure.role("neck"), [0.1, 0.0, 0.0])
+    look = sight.at(figure, front, standing, leant)
+    assert look.heading(look.goal, look.hips()) == pytest.approx(0.5, abs=0.04)
+    assert look.wrong("trunk") == pytest.approx(0.1 / 2.73, rel=0.05)
+    assert look.wrong("pelvis") < 1e-9
+
+
+def test_an_editor_s_user_takes_a_turned_pose() -> None:
+    load("touch", studies()["touch"])
+    import importlib
+
+    poses, editor, motor = (
+        importlib.import_module(f"bunraku_study_touch.{name}") for name in ("poses", "editor", "motor")
+    )
+    target = poses.ghost(next(goal for goal in poses.GOALS if goal.yaw))
+    user = editor.EditorUser(target, motor.POINTER, 12)
+    score = user.run()
+    assert score.reached
+    root, rotations = user.taken()
+    assert np.linalg.norm(fk(figure := default_figure(), root, rotations)[0] - target.positions, axis=1).max() < 0.10
+    assert len(rotations) == len(figure)
+    # Each arrow and ring costs a decision and a movement: no pose is to be had for less than a second a stroke.
+    assert score.seconds > 1.0 * score.strokes
