@@ -16,6 +16,8 @@ TEXT = (0.16, 0.20, 0.30, 1.0)
 ALARM = (0.85, 0.10, 0.08, 1.0)
 FLAT = 0.004
 """m above the ground of what lies on it."""
+THIN = 0.03
+"""m, width of an obstacle's track."""
 LINE = 0.042
 """Height of a line of the record, share of the picture."""
 
@@ -54,9 +56,12 @@ def obstacles(game: Game, now: float, origin: Place) -> list[Primitive]:
         below: list[Place] = [(float(a[0]), float(a[2])), (float(b[0]), float(b[2]))]
         body: list[tuple[float, ...]] = [(float(x) + origin[0], float(y), float(z) + origin[1]) for x, y, z in (b, a)]
         wide = 2.0 * one.radius
+        shadow = Primitive(kind="line", points=on_ground(below, origin), color=SHADOW, size=wide)
+        if below[0] == below[1]:
+            shadow = Primitive(kind="circle", points=on_ground(below[:1], origin), color=SHADOW, size=one.radius)
         out += [
-            Primitive(kind="line", points=on_ground([one.begin, one.end], origin), color=TRACK, size=0.03),
-            Primitive(kind="line", points=on_ground(below, origin), color=SHADOW, size=wide),
+            Primitive(kind="line", points=on_ground([one.begin, one.end], origin), color=TRACK, size=THIN),
+            shadow,
             Primitive(kind="line", points=body, color=color, size=wide, label=one.asks),
         ]
         if one.asks == DUCK:  # thin lines down to the ground tell where it hangs

@@ -1,5 +1,6 @@
 """The node: judges each pose by the game's rules, and says the course as an overlay and the record as `course`."""
 
+from math import hypot
 from typing import Any
 
 import msgspec
@@ -19,6 +20,8 @@ from bunraku.runtime.node import Node, Publisher, param, request, subscribe, tim
 SECOND = 1_000_000_000
 SAY_EVERY = SECOND // 10
 """ns between two records while nothing but the time changes."""
+PUT = 1.0
+"""m from one pose to the next that nobody walks: the figure was put there."""
 
 
 class CourseGame(Node):
@@ -73,14 +76,14 @@ class CourseGame(Node):
         if len(msg.rotations) != len(self.skeleton):
             return
         seen = self._seen(msg)
-        if not self.posed:
-            self.posed = True
-            self.last = seen.hips
+        there = (seen.hips[0] + self.place[0], seen.hips[1] + self.place[1])
+        if not self.posed or hypot(there[0] - self.last[0], there[1] - self.last[1]) > PUT:
+            self.posed, self.last = True, there  # the first pose, or the figure was put somewhere else
             self._lay()
             seen = self._seen(msg)
         before = self.game.phase
         self.game.update(self._time(), seen)
-        self.last = (seen.hips[0] + self.place[0], seen.hips[1] + self.place[1])
+        self.last = there
         if before != "finished" and self.game.phase == "finished":
             self.runs += 1
             self.finished_at = self.now
@@ -102,7 +105,7 @@ class CourseGame(Node):
         game = self.game
         return msgspec.msgpack.encode(
             {
-                "zero": self.zero, "origin": self.place, "runs": self.runs, "phase": game.phase,
+                "zero": self.zero, "origin": self.place, "last": self.last, "runs": self.runs, "phase": game.phase,
                 "began": game.began, "laid": game.laid, "score": [game.score.seconds, game.score.outs, game.score.hits],
                 "off": game.off, "stage": self.stage_number, "finished": self.finished_at,
             }
@@ -115,7 +118,8 @@ class CourseGame(Node):
             return
         self.posed = True
         self.zero, self.finished_at = int(kept["zero"]), int(kept["finished"])
-        self.place = self.last = (float(kept["origin"][0]), float(kept["origin"][1]))
+        self.place = (float(kept["origin"][0]), float(kept["origin"][1]))
+        self.last = (float(kept["last"][0]), float(kept["last"][1]))
         game = self.game
         game.phase, game.began, game.laid = kept["phase"], float(kept["began"]), kept["laid"]
         seconds, outs, hits = kept["score"]

@@ -15,6 +15,7 @@ from bunraku.figure.camera import axes, project
 from bunraku.figure.fk import fk
 from bunraku.figure.skeleton import Skeleton
 from bunraku.msgs import Camera, Overlay, Pose, Primitive
+from bunraku.nodes.course.drawing import THIN
 from bunraku.nodes.interpreter.pen import PATH_COLOR
 
 Array = NDArray[np.float64]
@@ -85,14 +86,14 @@ def look(
 ) -> Sight:
     """Take a glance at the picture that these messages make."""
     polygons = [one for one in course.primitives if one.kind == "polygon"]
-    lines = [one for one in course.primitives if one.kind == "line" and one.space == "world"]
+    others = [one for one in course.primitives if one.kind in ("line", "circle") and one.space == "world"]
     shares = project(camera, np.array([one.points for one in polygons], dtype=np.float64))
     middles = shares.mean(axis=1)
     shown = np.asarray((np.abs(middles - 0.5) <= 0.5).all(axis=1), dtype=np.bool_)
     things = []
-    for track, shadow, body in zip(lines, lines[1:], lines[2:], strict=False):
-        # A track is thin and lies on the ground, the next two are the thing's shadow and itself.
-        if track.size == 0.03 and shadow.size == body.size:
+    for track, shadow, body in zip(others, others[1:], others[2:], strict=False):
+        # After a thin track on the ground come the thing's shadow and the thing itself.
+        if track.size == THIN:
             things.append(Thing(body.label, ground_of(floor, camera, track), ground_of(floor, camera, shadow)))
     positions, _ = fk(skeleton, pose.root.astype(np.float64), pose.rotations.astype(np.float64))
     feet = [skeleton.roles["leftFoot"], skeleton.roles["rightFoot"]]

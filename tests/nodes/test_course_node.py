@@ -65,7 +65,7 @@ def test_a_run_from_start_to_goal_is_timed_and_told() -> None:
 
 def test_leaving_the_course_and_coming_back_is_told() -> None:
     stage, _ = started(obstacles=False)
-    for x, z in ((0.0, 0.0), (0.0, 0.3), (1.2, 0.5)):
+    for x, z in ((0.0, 0.0), (0.0, 0.3), (0.9, 0.5)):
         stand(stage, x, z)
     assert news(stage).off
     assert "off the course" in words(stage)
@@ -78,7 +78,8 @@ def test_leaving_the_course_and_coming_back_is_told() -> None:
 
 def test_a_figure_in_an_obstacles_way_is_hit() -> None:
     stage, node = started()
-    stand(stage, 0.0, 0.0)
+    for k in range(4):
+        stand(stage, 0.0, 0.8 * k)
     for _ in range(240):  # the first pillar comes by within its 5.2 s
         stand(stage, 0.0, 2.6)
     last = news(stage)
@@ -103,10 +104,20 @@ def test_reset_lays_the_start_where_the_figure_is_and_so_does_the_first_pose() -
     assert middle == pytest.approx([3.0, 0.004, 0.9], abs=1e-6)
 
 
+def test_a_figure_that_is_put_back_begins_again_there() -> None:
+    stage, node = started(obstacles=False)
+    for k in range(30):
+        stand(stage, 0.0, 0.1 * k)
+    assert news(stage).phase == "running"
+    stand(stage, 0.0, 0.0)  # 2.9 m in a frame: a reset of the figure
+    assert news(stage).phase == "ready"
+    assert node.place == pytest.approx((0.0, 0.0))
+
+
 def test_after_a_while_at_the_goal_the_next_run_lies_there() -> None:
     stage, node = started(obstacles=False, again=2.0)
-    for z in (0.0, 1.0, 8.0):
-        stand(stage, 0.0, z)
+    for k in range(11):
+        stand(stage, 0.0, 0.8 * k)
     assert news(stage).phase == "finished"
     stage.advance(1.5)
     assert node.game.phase == "finished"
@@ -118,7 +129,7 @@ def test_after_a_while_at_the_goal_the_next_run_lies_there() -> None:
 def test_another_stage_begins_a_new_run() -> None:
     stage, node = started()
     stand(stage, 0.0, 0.0)
-    stand(stage, 0.0, 1.0)
+    stand(stage, 0.0, 0.9)
     node.set_param("stage_number", 4)
     last = news(stage)
     assert (last.stage, last.phase) == (4, "ready")
@@ -127,14 +138,14 @@ def test_another_stage_begins_a_new_run() -> None:
 
 def test_a_restarted_node_goes_on_with_the_run() -> None:
     stage, node = started(obstacles=False)
-    for x, z in ((1.0, 1.0), (1.0, 1.5), (3.0, 1.5)):
+    for x, z in ((1.0, 1.0), (1.0, 1.5), (1.9, 1.5)):
         stand(stage, x, z)
     before = news(stage)
     state = node.save()
     stage.remove(node)
     later = stage.add(CourseGame, state=state, obstacles=False)
     stage.publish("skeleton", to_message(FIGURE))
-    stand(stage, 3.0, 1.6)
+    stand(stage, 1.9, 1.6)
     after = news(stage)
     assert after.course_outs == before.course_outs == 1
     assert after.seconds > before.seconds
