@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 DEFAULT_FPS = 120.0
 INCH = 0.0254  # m; the collections' unit of length is an inch, divided by the file's own "length"
 MAX_BONES = 2000
+LARGEST = 1e9  # of any number in a frame
 _MOVES = ("tx", "ty", "tz")
 _TURNS = ("rx", "ry", "rz")
 
@@ -279,6 +280,8 @@ def parse_amc(text: str, name: str, figure: Figure, fps: float | None = None) ->
             row = [float(word) for word in words[1:]]
         except ValueError:
             raise CaptureError(f"{name}:{number}: {line.strip()[:40]!r} are no numbers") from None
+        if not all(-LARGEST <= value <= LARGEST for value in row):
+            raise CaptureError(f"{name}:{number}: {line.strip()[:40]!r} has numbers that are no lengths or angles")
         values[bone].append(row)
     if not frames:
         raise CaptureError(f"{name}:{number or 1}: no frames; the file ends too early")
@@ -287,6 +290,8 @@ def parse_amc(text: str, name: str, figure: Figure, fps: float | None = None) ->
             raise CaptureError(f"{name}:{frame_line}: the last frame is cut short")
         findings.append(f"line {frame_line}: the last frame is cut short and left out")
         frames -= 1
+    if not any(values):
+        raise CaptureError(f"{name}:{frame_line}: frames without any bone; is it the right ASF file?")
     return _raw(name, figure, values, frames, degrees, rate or DEFAULT_FPS, findings)
 
 
@@ -316,8 +321,6 @@ def _raw(
         if not bone.freedom or not values[k]:
             continue
         table = np.array(values[k][:frames])
-        if not np.isfinite(table).all() or np.abs(table).max() > 1e9:
-            raise CaptureError(f"{name}: bone {bone.name!r} has numbers that are not finite")
         turns = [(c, word[1]) for c, word in enumerate(bone.freedom) if word in _TURNS]
         if turns:
             # The first listed is turned first: R = R3 R2 R1.
@@ -331,8 +334,6 @@ def _raw(
             for c, word in enumerate(bone.freedom):
                 if word in _MOVES:
                     track[:, "xyz".index(word[1])] += table[:, c]
-    if not any(values):
-        raise CaptureError(f"{name}: frames without any bone; is it the right ASF file?")
     return Raw(
         name=re.sub(r"\.amc$", "", name, flags=re.IGNORECASE),
         names=[bone.name for bone in bones],

@@ -88,7 +88,7 @@ def plan(folder: Path, skeleton: Skeleton, name: str | None = None, report: Repo
         try:
             source = load_source(folder, label, skeleton)
             read += 1
-            for module, candidate in _candidates(source, notes):
+            for module, candidate in candidates(source, notes):
                 found.setdefault(module, []).append(candidate)
         except (ClipError, SkeletonError) as error:
             notes.append(f"{label}: left out: {error}")
@@ -100,7 +100,7 @@ def plan(folder: Path, skeleton: Skeleton, name: str | None = None, report: Repo
     return Plan(Recipe(name or folder.resolve().name, renamed(pieces)), notes)
 
 
-def _candidates(source: Source, notes: list[str]) -> Iterator[tuple[str, Found]]:
+def candidates(source: Source, notes: list[str]) -> Iterator[tuple[str, Found]]:
     """(module, candidate) of everything that a file holds."""
     bad = [flaw for flaw in flaws(source.clip, source.flags) if flaw.kind in BAD]
     notes += [f"{source.file}: {flaw.text}" for flaw in bad]

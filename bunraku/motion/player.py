@@ -252,6 +252,11 @@ class Player:
         return self.activity == "stand"
 
     @property
+    def weights(self) -> Array:
+        """(n,) weights of the examples that are blended now."""
+        return self._weights
+
+    @property
     def over(self) -> bool:
         """Whether a step or turn has both feet down again, so that walking may follow at once."""
         if self.activity != "move" or not self._voice.name.startswith(("step_", "turn_")):
