@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ FLOW_WIDTH = 0.10  # m, of its tangent
 HEADING_WIDTH = 0.24  # m, of the tangent's angle: how early and long a body turns at a corner
 STYLE_WIDTH = 0.20  # m, of speed and posture along it
 LONGEST = 2000.0  # m
+AHEAD = 40.0  # m of a path that are kept when a figure's state is saved
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,21 @@ class Path:
         count = max(1, int((end - self.start) / SPACING) + 1)
         return Path(self.start, self.places[:count], self.headings[:count], self.bends[:count], self.speeds[:count],
                     self.postures[:count], self.start + SPACING * (count - 1))  # fmt: skip
+
+    def packed(self, s: float) -> list[Any]:
+        """The next `AHEAD` metres from just behind ``s``, as plain values."""
+        first = max(0, int((s - self.start) / SPACING) - 25)
+        last = first + int(AHEAD / SPACING)
+        rows = np.column_stack([self.places, self.headings, self.bends, self.speeds, self.postures])[first:last]
+        whole = first + len(rows) >= len(self.places)
+        end = self.end if whole else self.start + SPACING * (first + len(rows) - 1)
+        return [self.start + first * SPACING, end, len(rows), rows.astype("<f4").tobytes()]
+
+    @staticmethod
+    def unpacked(saved: list[Any]) -> "Path":
+        """The path that `packed` kept."""
+        rows = np.frombuffer(saved[3], "<f4").reshape(int(saved[2]), 8).astype(np.float64)
+        return Path(float(saved[0]), rows[:, 0:2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:8], float(saved[1]))
 
 
 def _smoothed(values: Array, width: float) -> Array:

@@ -5,7 +5,7 @@ examples for the parameters of the moment, carries the path frame along under th
 from motion to motion without a step, and holds the feet. It knows nothing of messages.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, inf, isnan, sqrt
 from typing import Any, Literal
@@ -13,15 +13,19 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bunraku.figure.quat import from_axis_angle, mul, slerp
+from bunraku.figure.quat import slerp
 from bunraku.figure.spring import LN2, spring_to_into
-from bunraku.motion.blend import BlendTable, blend_table, pose_into, speeds_into, way_into
-from bunraku.motion.constraint import SPACING, Ground, Path, path_of, smoothstep, wrapped
-from bunraku.motion.footlock import LOCKED, FeetState, feet_of, feet_state, plant_into
-from bunraku.motion.motionset import Example, MotionSet
+from bunraku.motion.blend import pose_into, speeds_into, way_into
+from bunraku.motion.constraint import AHEAD, Ground, Path, path_of, smoothstep, wrapped
+from bunraku.motion.footlock import FeetState
+from bunraku.motion.footprint import Feet
+from bunraku.motion.ground import GroundHeight
+from bunraku.motion.motionset import MotionSet
 from bunraku.motion.parameters import embed
+from bunraku.motion.stance import Stance
 from bunraku.motion.timewarp import advance, seconds_between
 from bunraku.motion.transition import apply_offset, decay, inertialise, toward
+from bunraku.motion.voice import Voice, reach_of, voices
 from bunraku.motion.weights import Weights, weights_into
 
 Array = NDArray[np.float64]
@@ -50,31 +54,6 @@ class Pace:
 PACE = Pace()
 
 
-@dataclass(frozen=True, eq=False)
-class Voice:
-    """A module (or one canonical clip) ready to be played."""
-
-    name: str
-    parameters: tuple[str, ...]
-    weights: Weights
-    table: BlendTable
-
-
-def voice_of(name: str, parameters: tuple[str, ...], examples: tuple[Example, ...]) -> Voice:
-    """Examples as a voice; their values must have one column a parameter."""
-    values = np.stack([example.values for example in examples])
-    return Voice(name, parameters, Weights(parameters, values), blend_table(examples))
-
-
-def voices(motion_set: MotionSet) -> dict[str, Voice]:
-    """All modules by their names; canonical clips as ``canonical/<name>``."""
-    out = {name: voice_of(name, m.parameters, m.examples) for name, m in motion_set.modules.items()}
-    for name, example in motion_set.canonical.items():
-        parameters = ("speed", "turn", "tilt", "bend", "duck") if example.cycle else ("distance", "height")
-        out[f"canonical/{name}"] = voice_of(name, parameters[: len(example.values)], (example,))
-    return out
-
-
 @dataclass
 class _Move:
     """One step, turn or jump under way."""
@@ -95,29 +74,22 @@ class Player:
     """
 
     def __init__(
-        self, motion_set: MotionSet, *, ground: Callable[[float, float], float] | None = None, pace: Pace = PACE,
+        self, motion_set: MotionSet, *, ground: GroundHeight | None = None, pace: Pace = PACE,
         transition: Transition = "inertialise", lock: bool = True,
     ) -> None:  # fmt: skip
         self.skeleton = motion_set.skeleton
         self.voices = voices(motion_set)
         for needed in ("stand", "locomotion"):
             motion_set.module(needed)
-        self.pace, self.transition, self.lock, self.ground = pace, transition, lock, ground
-        self.feet = feet_of(self.skeleton)
-        self.scale = float(self.feet.lengths.sum(axis=1).mean()) / 0.83
+        self.pace, self.transition = pace, transition
+        self.stance = Stance(self.skeleton, ground, lock)
+        self.scale = float(self.stance.feet.lengths.sum(axis=1).mean()) / 0.83
         joints = len(self.skeleton)
-        self.root, self.rotations = np.zeros(3), np.zeros((joints, 4))
-        self.contacts = np.zeros(2)
-        self.beyond = 0.0
-        """How far a locked foot was beyond its leg's reach, m."""
-        self._offsets, self._parents = np.array(self.skeleton.offsets), np.array(self.skeleton.parents)
-        self._positions, self._turns = np.zeros((joints, 3)), np.zeros((joints, 4))
         self._local, self._local_place = np.zeros((joints, 4)), np.zeros(3)
         self._before, self._before_place = np.zeros((joints, 4)), np.zeros(3)
         self._trial, self._trial_place = np.zeros((joints, 4)), np.zeros(3)
         self._after, self._after_place = np.zeros((joints, 4)), np.zeros(3)
         self._offset, self._offset_speed = np.zeros(3 + 3 * joints), np.zeros(3 + 3 * joints)
-        self._yaw, self._heights = np.zeros(4), np.zeros(3)
         self._signal = np.zeros(2)
         self._spare, self._rate = np.zeros(2), np.zeros(2)
         self._way = np.zeros(3)
@@ -149,13 +121,47 @@ class Player:
         self._fading: Array | None = None
         self._offset[:] = 0.0
         self._offset_speed[:] = 0.0
-        self.state: FeetState = feet_state()
-        self._lift, self._lift_speed = np.zeros(1), np.zeros(1)
-        if self.ground is not None:
-            self._lift[0] = self.ground(x, z)
+        self.stance.reset(x, z)
         self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
         self._before[:], self._before_place[:] = self._local, self._local_place
         self._compose(0.0)
+
+    # What it is like
+
+    @property
+    def root(self) -> Array:
+        """(3) m, the root's place in the world."""
+        return self.stance.root
+
+    @property
+    def rotations(self) -> Array:
+        """(J, 4) local rotations; the root's in the world."""
+        return self.stance.rotations
+
+    @property
+    def contacts(self) -> Array:
+        """(2) 1 where the left and right foot is held, else 0."""
+        return self.stance.contacts
+
+    @property
+    def feet(self) -> Feet:
+        """Legs and soles."""
+        return self.stance.feet
+
+    @property
+    def state(self) -> FeetState:
+        """What the feet remember."""
+        return self.stance.state
+
+    @property
+    def beyond(self) -> float:
+        """How far a locked foot was beyond its leg's reach, m."""
+        return self.stance.beyond
+
+    @property
+    def ground(self) -> GroundHeight | None:
+        """Height (m) of the ground at (x, z); None for level ground at 0."""
+        return self.stance.ground
 
     # What it is to do
 
@@ -233,18 +239,7 @@ class Player:
     @property
     def reach(self) -> dict[str, tuple[float, float]]:
         """Smallest and largest measured value of each module's distance or height, m."""
-        out = {}
-        for name, voice in self.voices.items():
-            points = voice.weights.table.points / np.where(
-                voice.weights.table.scale > 0, voice.weights.table.scale, 1.0
-            )
-            points = points + voice.weights.table.center
-            if voice.parameters == ("angle", "distance"):
-                d = np.hypot(points[:, 0], points[:, 1])
-                out[name] = (float(d.min()), float(d.max()))
-            elif len(voice.parameters) == 1:
-                out[name] = (float(points.min()), float(points.max()))
-        return out
+        return reach_of(self.voices)
 
     @property
     def free(self) -> bool:
@@ -471,66 +466,8 @@ class Player:
 
     def _compose(self, dt: float) -> None:
         """The local pose into the world, on the ground, with its feet held."""
-        g = self.place
-        self.root[:] = self._local_place
-        left, ahead = float(self._local_place[0]), float(self._local_place[2])
-        spot = g.after(left, ahead, 0.0)
-        self.root[0], self.root[2] = spot.x, spot.z
-        self.rotations[:] = self._local
-        from_axis_angle(0.0, 1.0, 0.0, g.heading, self._yaw)
-        mul(self._yaw, self.rotations[0], self.rotations[0])
-        if self.ground is not None:
-            self._raise(dt)
-        self.contacts[:] = self._signal
-        was = (int(self.state.mode[0]), int(self.state.mode[1]))
         still = self.activity == "stand" and self._since > 0.12
-        self.beyond = plant_into(
-            self.feet, self.state, self._parents, self._offsets, self.root, self.rotations, self._positions,
-            self._turns, self.contacts, self._heights, still, self.lock, max(dt, 1e-4),
-        )  # fmt: skip
-        if self.ground is not None:
-            self._print_heights(was)
-
-    def _raise(self, dt: float) -> None:
-        """Lift the body to the ground under its feet: nearer to the lower one, followed softly."""
-        ground = self.ground
-        assert ground is not None
-        level = []
-        for side in range(2):
-            foot = int(self.feet.joints[side, 2])
-            if self.state.mode[side] == LOCKED:
-                level.append(float(self.state.prints[side, 1]))
-            else:
-                at = self.state.ankle[side] if self.state.drop[2] else self.root
-                level.append(ground(float(at[0]), float(at[2])))
-            at = self._positions[foot] if self.state.drop[2] else self.root
-            self._heights[side] = ground(float(at[0]), float(at[2]))
-        low, high = min(level), max(level)
-        goal = np.array([low + 0.35 * (high - low)])
-        if dt > 0.0:
-            spring_to_into(self._lift, self._lift_speed, goal, 0.12, dt)
-        else:
-            self._lift[:] = goal
-        self._heights[2] = self._lift[0]
-        self.root[1] += self._lift[0]
-
-    def _print_heights(self, was: tuple[int, int]) -> None:
-        """Put the prints of feet that have just come down on the ground, along its slope."""
-        ground = self.ground
-        assert ground is not None
-        for side in range(2):
-            if self.state.mode[side] != LOCKED or was[side] == LOCKED:
-                continue
-            mark = self.state.prints[side]
-            _, heel, ball = (float(v) for v in self.feet.soles[side])
-            s, c = float(np.sin(mark[3])), float(np.cos(mark[3]))
-            back = ground(float(mark[0] + heel * s), float(mark[2] + heel * c))
-            front = ground(float(mark[0] + ball * s), float(mark[2] + ball * c))
-            middle = back + (front - back) * (-heel) / (ball - heel)
-            self.state.offset[side, 0] -= middle - mark[1]
-            mark[1] = middle
-            mark[4] = float(np.arctan2(front - back, ball - heel))
-            self.state.offset[side, 1] -= mark[4]
+        self.stance.place(self.place, self._local_place, self._local, self._signal, still, dt)
 
     # Save and restore
 
@@ -549,14 +486,14 @@ class Player:
                 list(self._move.window)],
             "path": None if path is None else self._packed_path(path),
             "mask": self._mask.tolist(), "mask_goal": self._mask_goal.tolist(),
-            "feet": [array.tolist() for array in self.state], "lift": float(self._lift[0]),
+            "stance": self.stance.snapshot(),
             "offset": self._offset.astype("<f4").tobytes(), "speeds": self._offset_speed.astype("<f4").tobytes(),
         }  # fmt: skip
 
     def _packed_path(self, path: Path) -> list[Any]:
         """The path as saved, packed anew only when it changed or most of what was packed lies behind."""
         if self._pack is None or self._pack[0] is not path or self.s > self._pack[1] + 0.5 * AHEAD:
-            self._pack = (path, self.s, _packed(path, self.s))
+            self._pack = (path, self.s, path.packed(self.s))
         return self._pack[2]
 
     def _voice_key(self) -> str:
@@ -579,12 +516,8 @@ class Player:
             self._slip[:] = saved["slip"]
             move = saved["move"]
             self._move = None if move is None else _Move(Ground(*move[0]), tuple(move[1]), tuple(move[2]))
-            self.path = None if saved["path"] is None else _unpacked(saved["path"])
-            kept = [np.array(rows, dtype=array.dtype) for rows, array in zip(saved["feet"], self.state, strict=True)]
-            if any(a.shape != b.shape for a, b in zip(kept, self.state, strict=True)):
-                raise ValueError("saved by another version")
-            self.state = FeetState(*kept)  # type: ignore[arg-type]
-            self._lift[0] = float(saved["lift"])
+            self.path = None if saved["path"] is None else Path.unpacked(saved["path"])
+            self.stance.restore(saved["stance"])
             self._mask[:], self._mask_goal[:] = saved["mask"], saved["mask_goal"]
             self._offset[:] = np.frombuffer(saved["offset"], "<f4")
             self._offset_speed[:] = np.frombuffer(saved["speeds"], "<f4")
@@ -597,23 +530,6 @@ class Player:
             self._compose(1e-4)
         except (KeyError, TypeError, IndexError, AttributeError) as error:
             raise ValueError(f"not a saved player: {error}") from None
-
-
-AHEAD = 40.0  # m of a path that are saved
-
-
-def _packed(path: Path, s: float) -> list[Any]:
-    """A path from just behind ``s``, as plain values."""
-    first = max(0, int((s - path.start) / SPACING) - 25)
-    last = first + int(AHEAD / SPACING)
-    rows = np.column_stack([path.places, path.headings, path.bends, path.speeds, path.postures])[first:last]
-    end = path.end if first + len(rows) >= len(path.places) else path.start + SPACING * (first + len(rows) - 1)
-    return [path.start + first * SPACING, end, len(rows), rows.astype("<f4").tobytes()]
-
-
-def _unpacked(saved: list[Any]) -> Path:
-    rows = np.frombuffer(saved[3], "<f4").reshape(int(saved[2]), 8).astype(np.float64)
-    return Path(float(saved[0]), rows[:, 0:2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5:8], float(saved[1]))
 
 
 __all__ = ["PACE", "Pace", "Path", "Player", "Voice", "path_of", "voices"]

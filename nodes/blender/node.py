@@ -107,7 +107,7 @@ class Blender(Node):
 
     def on_param(self, name: str) -> None:
         player = self.core.player
-        player.pace, player.lock = self._pace(), self.foot_lock
+        player.pace, player.stance.lock = self._pace(), self.foot_lock
         player.transition = self._transition()
 
     @subscribe("command", Command)
