@@ -7,51 +7,25 @@ from motion to motion without a step, and holds the feet. It knows nothing of me
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, inf, isnan, sqrt
+from math import exp, isnan, sqrt
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bunraku.figure.quat import slerp
-from bunraku.figure.spring import LN2, spring_to_into
-from bunraku.motion.blend import pose_into, speeds_into, way_into
+from bunraku.figure.spring import LN2
+from bunraku.motion.blend import speeds_into, way_into
 from bunraku.motion.constraint import AHEAD, Ground, Path, path_of, smoothstep, wrapped
 from bunraku.motion.footlock import FeetState
 from bunraku.motion.footprint import Feet
 from bunraku.motion.ground import GroundHeight
 from bunraku.motion.motionset import MotionSet
-from bunraku.motion.parameters import embed
+from bunraku.motion.pace import PACE, Pace
+from bunraku.motion.playing import Playing, Transition
 from bunraku.motion.stance import Stance
-from bunraku.motion.timewarp import advance, seconds_between
-from bunraku.motion.transition import apply_offset, decay, inertialise, toward
-from bunraku.motion.voice import Voice, reach_of, voices
-from bunraku.motion.weights import Weights, weights_into
+from bunraku.motion.voice import Voice, posed, reach_of, voices
 
 Array = NDArray[np.float64]
-
-Transition = Literal["inertialise", "example"]
-
-
-@dataclass(frozen=True)
-class Pace:
-    """How the player leads a figure; lengths and speeds for a leg of 0.83 m."""
-
-    usual: float = 1.3  # m/s, where a path asks for none
-    most: float = 4.0  # m/s
-    brake: float = 1.7  # m/s², toward a path's end
-    start: float = 1.7  # m/s², from a stand; more when it runs
-    hurry: float = 0.14  # s, half-life of a change of speed
-    bearing: float = 0.20  # s, half-life of finding back to a path
-    posture: float = 0.12  # s, half-life of a change of posture
-    turning: float = 3.0  # rad/s at most along a path
-    slow_in: float = 2.4  # m/s², toward its bends
-    aside: float = 0.9  # rad: a standing figure that has to start farther off its heading than this turns first
-    switch: float = 0.11  # s, half-life of a transition
-    fade: float = 0.25  # s, of a transition by the (n+1)-th example
-
-
-PACE = Pace()
 
 
 @dataclass
@@ -81,26 +55,18 @@ class Player:
         self.voices = voices(motion_set)
         for needed in ("stand", "locomotion"):
             motion_set.module(needed)
-        self.pace, self.transition = pace, transition
+        self.pace = pace
         self.stance = Stance(self.skeleton, ground, lock)
         self.scale = float(self.stance.feet.lengths.sum(axis=1).mean()) / 0.83
-        joints = len(self.skeleton)
-        self._local, self._local_place = np.zeros((joints, 4)), np.zeros(3)
-        self._before, self._before_place = np.zeros((joints, 4)), np.zeros(3)
-        self._trial, self._trial_place = np.zeros((joints, 4)), np.zeros(3)
-        self._after, self._after_place = np.zeros((joints, 4)), np.zeros(3)
-        self._offset, self._offset_speed = np.zeros(3 + 3 * joints), np.zeros(3 + 3 * joints)
-        self._signal = np.zeros(2)
-        self._spare, self._rate = np.zeros(2), np.zeros(2)
-        self._way = np.zeros(3)
+        self._rate, self._way = np.zeros(2), np.zeros(3)
+        stand = self.voices["stand"]
+        self.playing = Playing(stand, stand.weights.neutral(np.zeros(3)), len(self.skeleton), transition)
         self.reset()
 
     def reset(self, x: float = 0.0, z: float = 0.0, heading: float = 0.0) -> None:
         """Stand upright at a place on the ground (m) with a heading (rad)."""
         self.place = Ground(x, z, heading)
         self.posture = np.zeros(3)
-        self._mask = np.ones(len(self.skeleton))
-        self._mask_goal = np.ones(len(self.skeleton))
         self.activity: Literal["stand", "go", "move"] = "stand"
         self.path: Path | None = None
         self._pack: tuple[Path, float, list[Any]] | None = None
@@ -112,18 +78,8 @@ class Player:
         self._slip = np.zeros(3)  # m, m, rad: off the path, dying away
         self._slip_speed = np.zeros(3)
         self._move: _Move | None = None
-        self._voice = self.voices["stand"]
-        self._asked = self._voice.weights.neutral(np.zeros(3))
-        self._asked_speed = np.zeros_like(self._asked)
-        self._weights = self._voice.weights(self._asked)
-        self.u = 0.0
-        self._since = inf  # s since the last switch
-        self._fading: Array | None = None
-        self._offset[:] = 0.0
-        self._offset_speed[:] = 0.0
         self.stance.reset(x, z)
-        self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
-        self._before[:], self._before_place[:] = self._local, self._local_place
+        self.playing.start(self.voices["stand"], self._stand_goal())
         self._compose(0.0)
 
     # What it is like
@@ -172,13 +128,13 @@ class Player:
     def engage(self, joints: Sequence[int] | None = None) -> None:
         """Let motions move these joints only (all when None) and hips and legs; the others go on standing."""
         if joints is None:
-            self._mask_goal[:] = 1.0
+            self.playing.mask_goal[:] = 1.0
             return
-        self._mask_goal[:] = 0.0
-        self._mask_goal[list(joints)] = 1.0
-        self._mask_goal[0] = 1.0
+        self.playing.mask_goal[:] = 0.0
+        self.playing.mask_goal[list(joints)] = 1.0
+        self.playing.mask_goal[0] = 1.0
         for leg in self.feet.joints:
-            self._mask_goal[[int(j) for j in leg if j >= 0]] = 1.0
+            self.playing.mask_goal[[int(j) for j in leg if j >= 0]] = 1.0
 
     def follow(self, path: Path, *, gait: str = "", complete: bool = True) -> None:
         """Go along a path from where the figure is nearest to it; a path under way may grow or change.
@@ -203,9 +159,9 @@ class Player:
             self.speed = 0.0
             self.activity, self._move = "go", None
             first = 0.5 if wrapped(ph - heading) > 0.0 else 0.0  # the inner foot goes first
-            self._switch(self._going(), self._asked_on_path(0.0), first)
-        elif self._voice is not self._going():
-            self._switch(self._going(), self._asked_on_path(self.speed), self.u)
+            self.playing.switch(self._going(), self._asked_on_path(0.0), first)
+        elif self.playing.voice is not self._going():
+            self.playing.switch(self._going(), self._asked_on_path(self.speed), self.playing.u)
 
     def _near(self, path: Path, s: float) -> bool:
         x, z, _ = path.at(s)
@@ -234,7 +190,7 @@ class Player:
             window = (float(keys[2]), float(keys[4]))
         self._move = _Move(begin, pull, window)
         self.activity, self.path = "move", None
-        self._switch(voice, np.asarray(values, dtype=np.float64), 0.0, weights)
+        self.playing.switch(voice, np.asarray(values, dtype=np.float64), 0.0, weights)
 
     @property
     def reach(self) -> dict[str, tuple[float, float]]:
@@ -247,16 +203,30 @@ class Player:
         return self.activity == "stand"
 
     @property
+    def transition(self) -> Transition:
+        """How it passes from motion to motion."""
+        return self.playing.transition
+
+    @transition.setter
+    def transition(self, kind: Transition) -> None:
+        self.playing.transition = kind
+
+    @property
+    def u(self) -> float:
+        """Generic time of the motion that is played."""
+        return self.playing.u
+
+    @property
     def weights(self) -> Array:
         """(n,) weights of the examples that are blended now."""
-        return self._weights
+        return self.playing.weights
 
     @property
     def over(self) -> bool:
         """Whether a step or turn has both feet down again, so that walking may follow at once."""
-        if self.activity != "move" or not self._voice.name.startswith(("step_", "turn_")):
+        if self.activity != "move" or not self.playing.voice.name.startswith(("step_", "turn_")):
             return False
-        return self.u >= float(self._voice.table.generic[-2])
+        return self.playing.u >= float(self.playing.voice.table.generic[-2])
 
     @property
     def waiting(self) -> bool:
@@ -268,46 +238,26 @@ class Player:
     def update(self, dt: float) -> None:
         """Go on by ``dt`` seconds (0 < dt <= 0.1): sets `root`, `rotations` and `contacts`."""
         dt = min(max(dt, 1e-4), 0.1)
-        self._before[:], self._before_place[:] = self._local, self._local_place
+        self.playing.remember()
         if self.activity == "go":
             self._go(dt)
         elif self.activity == "move":
             self._make_move(dt)
         else:
             self._idle(dt)
-        self._since += dt
-        self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
-        if self._fading is not None:
-            self._fade()
-        self._mask += (1.0 - exp(-LN2 * dt / 0.1)) * (self._mask_goal - self._mask)
-        if self.activity != "stand" and float(self._mask.min()) < 0.999:
-            self._rest_of_body()
-        decay(self._offset, self._offset_speed, self.pace.switch, dt)
-        apply_offset(self._offset, self._local_place, self._local)
+        rest = (self.voices["stand"], self._stand_goal()) if self.playing.partial else None
+        self.playing.pose(dt, self.pace.switch, rest, self.activity != "stand")
         self._compose(dt)
 
     def _idle(self, dt: float) -> None:
-        voice = self.voices["stand"]
-        self._ask(self._stand_goal(), self.pace.posture, dt)
-        self.u = advance(voice.table.generic, voice.table.spans, self._weights, self.u, dt) % 1.0
+        playing = self.playing
+        playing.ask(self._stand_goal(), self.pace.posture, dt)
+        playing.u = playing.later(dt) % 1.0
         if self.path is not None and not self.ending and self.path.end - self.s > 0.12 * self.scale:
             self.follow(self.path, gait=self.gait, complete=False)
 
     def _stand_goal(self) -> Array:
-        return self._posed(self.voices["stand"].weights, np.zeros(3), self.posture)
-
-    @staticmethod
-    def _posed(weights: Weights, at: Array, posture: Array) -> Array:
-        """Parameters whose tilt, bend and duck are what is usual there and the wanted posture on top."""
-        goal = weights.neutral(at)
-        for k, name in enumerate(weights.parameters):
-            if name == "tilt":
-                goal[k] += posture[0]
-            elif name == "bend":
-                goal[k] += posture[1]
-            elif name == "duck":
-                goal[k] += posture[2] * max(1.0 - goal[k], 0.0)
-        return goal
+        return posed(self.voices["stand"].weights, np.zeros(3), self.posture)
 
     def _going(self) -> Voice:
         return self.voices[f"canonical/{self.gait}" if self.gait else "locomotion"]
@@ -322,11 +272,12 @@ class Player:
         at[names.index("speed")] = speed
         if "turn" in names:
             at[names.index("turn")] = bend * speed
-        return self._posed(weights, at, posture)
+        return posed(weights, at, posture)
 
     def _go(self, dt: float) -> None:
-        path, pace, voice = self.path, self.pace, self._voice
+        path, pace, playing = self.path, self.pace, self.playing
         assert path is not None
+        voice = playing.voice
         room = max(path.end - self.s, 0.0)
         _, asked, posture = path.style(self.s)
         natural = float(voice.table.speeds[0, 0])
@@ -346,36 +297,33 @@ class Player:
         rate = 1.0
         if self.gait:
             rate = max(self.speed / natural, 0.35)
-            self._asked[:] = voice.weights.table.center
             if natural > 2.0 * self.speed and room < 0.5 * self.scale:
                 self.gait = ""  # the last steps are made by the module that can slow down
-                self._switch(self._going(), self._asked_on_path(self.speed), self.u)
-                voice, rate = self._voice, 1.0
+                playing.switch(self._going(), self._asked_on_path(self.speed), playing.u)
+                voice, rate = playing.voice, 1.0
         if not self.gait:
             self.posture[:] = posture
-            self._ask(self._asked_on_path(self.speed), pace.posture, dt)
-            at = voice.weights.parameters.index("speed")
-            self._asked[at], self._asked_speed[at] = self.speed, 0.0
-            weights_into(voice.weights.table, self._asked, self._weights)
-        speeds_into(voice.table, self._weights, self._rate)
+            playing.ask(self._asked_on_path(self.speed), pace.posture, dt)
+            playing.set("speed", self.speed)
+        speeds_into(voice.table, playing.weights, self._rate)
         pace_now = min(self.speed, max(float(self._rate[0]) * rate, 0.0)) if self.speed > 0.3 else self.speed
         step = min(pace_now * dt, room)
         self.s += step
         arrived = path.end - self.s < 1e-3
         # The last footfall comes when the end does.
-        before = self.u
+        before = playing.u
         half = 0.5 if before < 0.5 else 1.0
         if room < 0.5 * self.scale and not self.gait:
-            left = seconds_between(voice.table.generic, voice.table.spans, self._weights, before, half)
+            left = playing.seconds(half)
             eta = sqrt(2.0 * room / (pace.brake * self.scale))
             rate = min(max(left / max(eta, 1e-3), 0.8), 1.35)
-        self.u = advance(voice.table.generic, voice.table.spans, self._weights, before, dt * rate)
+        playing.u = playing.later(dt * rate)
         x, z, heading = path.at(self.s)
         self._settle_slip(dt)
         slip = [float(v) for v in self._slip]
         self.place = Ground(x + slip[0], z + slip[1], heading + slip[2])
-        crossed = self.u >= half
-        self.u %= 1.0
+        crossed = playing.u >= half
+        playing.u %= 1.0
         if arrived and crossed and self.speed <= 0.08:
             self._arrive()
 
@@ -393,81 +341,28 @@ class Player:
             self.path = None
         self.speed = 0.0
         self.gait = "" if self.ending else self.gait
-        self._switch(self.voices["stand"], self._stand_goal(), 0.0)
+        self.playing.switch(self.voices["stand"], self._stand_goal(), 0.0)
 
     def _make_move(self, dt: float) -> None:
-        voice, move = self._voice, self._move
+        playing, move = self.playing, self._move
         assert move is not None
-        self.u = min(advance(voice.table.generic, voice.table.spans, self._weights, self.u, dt), 1.0)
-        way_into(voice.table, self._weights, self.u, self._way)
-        share = smoothstep((self.u - move.window[0]) / max(move.window[1] - move.window[0], 1e-6))
+        playing.u = min(playing.later(dt), 1.0)
+        way_into(playing.voice.table, playing.weights, playing.u, self._way)
+        share = smoothstep((playing.u - move.window[0]) / max(move.window[1] - move.window[0], 1e-6))
         left, ahead, turned = (float(w) + share * p for w, p in zip(self._way, move.pull, strict=True))
         self.place = move.begin.after(left, ahead, turned)
-        if self.transition == "example" and self._fading is None and self.u < 1.0:
-            rest = seconds_between(voice.table.generic, voice.table.spans, self._weights, self.u, 1.0)
-            if rest < self.pace.fade:
-                self._fading = np.array([rest])
-        if self.u >= 1.0:
+        if playing.transition == "example" and not playing.fading and playing.u < 1.0:
+            rest = playing.seconds(1.0)
+            playing.fading = rest if rest < self.pace.fade else 0.0
+        if playing.u >= 1.0:
             self.activity, self._move = "stand", None
-            self._switch(self.voices["stand"], self._stand_goal(), 0.0)
-
-    def _fade(self) -> None:
-        """The next motion's first posture as the (n+1)-th example, with growing weight."""
-        assert self._fading is not None
-        stand = self.voices["stand"]
-        rest = seconds_between(self._voice.table.generic, self._voice.table.spans, self._weights, self.u, 1.0)
-        share = smoothstep(1.0 - rest / max(float(self._fading[0]), 1e-6))
-        self._blend(stand, stand.weights(self._stand_goal()), 0.0, self._trial_place, self._trial, self._spare)
-        toward(share, self._trial_place, self._trial, self._local_place, self._local)
-
-    def _rest_of_body(self) -> None:
-        """Joints that the motion is not to move stand."""
-        stand = self.voices["stand"]
-        self._blend(stand, stand.weights(self._stand_goal()), 0.0, self._trial_place, self._trial, self._spare)
-        for joint in np.nonzero(self._mask < 0.999)[0]:
-            slerp(self._trial[joint], self._local[joint], float(self._mask[joint]), self._local[joint])
-
-    def _ask(self, goal: Array, half_life: float, dt: float) -> None:
-        spring_to_into(self._asked, self._asked_speed, goal, half_life, dt)
-        weights_into(self._voice.weights.table, self._embedded(self._asked), self._weights)
-
-    def _embedded(self, values: Array) -> Array:
-        names = self._voice.weights.parameters
-        return embed(names, values) if "angle" in names else values
-
-    def _switch(self, voice: Voice, asked: Array, u: float, weights: Array | None = None) -> None:
-        """Pass to another voice at generic time ``u``."""
-        self._voice, self.u = voice, u
-        self._asked, self._asked_speed = np.array(asked, dtype=np.float64), np.zeros(len(asked))
-        self._weights = voice.weights(asked) if weights is None else weights
-        table = voice.table
-        dt = 1.0 / 60.0
-        self._blend(voice, self._weights, u, self._trial_place, self._trial, self._spare)
-        later = advance(table.generic, table.spans, self._weights, u, dt)
-        later = later % 1.0 if table.cycle else min(later, 1.0)
-        self._blend(voice, self._weights, later, self._after_place, self._after, self._spare)
-        if self._fading is None and self.transition == "inertialise":
-            inertialise(
-                self._local_place, self._local, self._before_place, self._before,
-                self._trial_place, self._trial, self._after_place, self._after, dt, self._offset, self._offset_speed,
-            )  # fmt: skip
-        elif self.transition == "example" and self._fading is None:
-            inertialise(
-                self._local_place, self._local, self._local_place, self._local,
-                self._trial_place, self._trial, self._trial_place, self._trial, dt, self._offset, self._offset_speed,
-            )  # fmt: skip
-        self._fading = None
-        self._since = 0.0
-
-    def _blend(
-        self, voice: Voice, weights: Array, u: float, place: Array, rotations: Array, signal: Array
-    ) -> None:  # fmt: skip
-        pose_into(voice.table, weights, u, place, rotations, signal)
+            playing.switch(self.voices["stand"], self._stand_goal(), 0.0)
 
     def _compose(self, dt: float) -> None:
         """The local pose into the world, on the ground, with its feet held."""
-        still = self.activity == "stand" and self._since > 0.12
-        self.stance.place(self.place, self._local_place, self._local, self._signal, still, dt)
+        playing = self.playing
+        still = self.activity == "stand" and playing.since > 0.12
+        self.stance.place(self.place, playing.place, playing.rotations, playing.signal, still, dt)
 
     # Save and restore
 
@@ -478,16 +373,13 @@ class Player:
             "place": [self.place.x, self.place.z, self.place.heading],
             "posture": self.posture.tolist(),
             "activity": self.activity, "s": float(self.s), "speed": float(self.speed), "gait": self.gait,
-            "ending": self.ending, "voice": self._voice_key(), "asked": self._asked.tolist(),
-            "weights": self._weights.tolist(), "u": float(self.u),
+            "ending": self.ending, "voice": self._voice_key(), "playing": self.playing.snapshot(),
             "slip": self._slip.tolist(),
             "move": None if self._move is None else [
                 [self._move.begin.x, self._move.begin.z, self._move.begin.heading], list(self._move.pull),
                 list(self._move.window)],
             "path": None if path is None else self._packed_path(path),
-            "mask": self._mask.tolist(), "mask_goal": self._mask_goal.tolist(),
             "stance": self.stance.snapshot(),
-            "offset": self._offset.astype("<f4").tobytes(), "speeds": self._offset_speed.astype("<f4").tobytes(),
         }  # fmt: skip
 
     def _packed_path(self, path: Path) -> list[Any]:
@@ -497,39 +389,27 @@ class Player:
         return self._pack[2]
 
     def _voice_key(self) -> str:
-        return next(key for key, voice in self.voices.items() if voice is self._voice)
+        return next(key for key, voice in self.voices.items() if voice is self.playing.voice)
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take up from a snapshot of the same motion set; raises ValueError for one that does not fit."""
         try:
             voice = self.voices[saved["voice"]]
-            weights = np.array(saved["weights"], dtype=np.float64)
-            asked = np.array(saved["asked"], dtype=np.float64)
-            if weights.shape != (len(voice.table.logs),) or asked.shape != (len(voice.parameters),):
-                raise ValueError("saved by another motion set")
             self.reset(*saved["place"])
+            self.playing.restore(voice, saved["playing"])
             self.posture[:] = saved["posture"]
             self.activity, self.s, self.speed = saved["activity"], float(saved["s"]), float(saved["speed"])
             self.gait, self.ending = saved["gait"], bool(saved["ending"])
-            self._voice, self._asked, self._weights, self.u = voice, asked, weights, float(saved["u"])
-            self._asked_speed = np.zeros(len(asked))
             self._slip[:] = saved["slip"]
             move = saved["move"]
             self._move = None if move is None else _Move(Ground(*move[0]), tuple(move[1]), tuple(move[2]))
             self.path = None if saved["path"] is None else Path.unpacked(saved["path"])
             self.stance.restore(saved["stance"])
-            self._mask[:], self._mask_goal[:] = saved["mask"], saved["mask_goal"]
-            self._offset[:] = np.frombuffer(saved["offset"], "<f4")
-            self._offset_speed[:] = np.frombuffer(saved["speeds"], "<f4")
-            self._since = 0.0
             if (self.activity == "go" and self.path is None) or (self.activity == "move" and self._move is None):
                 raise ValueError("saved without what it was doing")
-            self._blend(self._voice, self._weights, self.u, self._local_place, self._local, self._signal)
-            apply_offset(self._offset, self._local_place, self._local)
-            self._before[:], self._before_place[:] = self._local, self._local_place
             self._compose(1e-4)
         except (KeyError, TypeError, IndexError, AttributeError) as error:
             raise ValueError(f"not a saved player: {error}") from None
 
 
-__all__ = ["PACE", "Pace", "Path", "Player", "Voice", "path_of", "voices"]
+__all__ = ["PACE", "Pace", "Path", "Player", "Transition", "Voice", "path_of", "voices"]

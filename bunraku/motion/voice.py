@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bunraku.motion.blend import BlendTable, blend_table
 from bunraku.motion.motionset import Example, MotionSet
 from bunraku.motion.weights import Weights
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +49,16 @@ def reach_of(found: dict[str, Voice]) -> dict[str, tuple[float, float]]:
         elif len(voice.parameters) == 1:
             out[name] = (float(points.min()), float(points.max()))
     return out
+
+
+def posed(weights: Weights, at: Array, posture: Array) -> Array:
+    """Parameters whose tilt, bend and duck are what is usual there and the wanted posture (3) on top."""
+    goal = weights.neutral(at)
+    for k, name in enumerate(weights.parameters):
+        if name == "tilt":
+            goal[k] += posture[0]
+        elif name == "bend":
+            goal[k] += posture[1]
+        elif name == "duck":
+            goal[k] += posture[2] * max(1.0 - goal[k], 0.0)
+    return goal
