@@ -27,7 +27,8 @@ from bunraku.motion.bvh import read_bvh
 from bunraku.motion.clip import Clip
 from bunraku.motion.parameters import cycle_path
 from bunraku.motion.synth_body import Frame
-from bunraku.motion.synth_gait import Gait, gait_clip, running, walking
+from bunraku.motion.synth_curves import Gait, running, walking
+from bunraku.motion.synth_gait import gait_clip
 
 Array = NDArray[np.float64]
 Curves = dict[str, Array]

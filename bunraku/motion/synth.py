@@ -17,8 +17,11 @@ from bunraku.figure.skeleton import Skeleton
 from bunraku.motion.motionset import MODULES, Example, Module, MotionSet, MotionSetError
 from bunraku.motion.parameters import measured
 from bunraku.motion.synth_body import Frame
-from bunraku.motion.synth_gait import Gait, gait_clip, running, walking
-from bunraku.motion.synth_move import Made, jump, stand, step, turn
+from bunraku.motion.synth_curves import Gait, running, walking
+from bunraku.motion.synth_gait import gait_clip
+from bunraku.motion.synth_jump import jump
+from bunraku.motion.synth_move import step, turn
+from bunraku.motion.synth_stand import Made, stand
 
 Array = NDArray[np.float64]
 
