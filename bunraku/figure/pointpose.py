@@ -47,6 +47,7 @@ class Base(NamedTuple):
     rotations_ws: Array  # (J, 4)
     rolls: Array  # (4, 2, 4) from a bone's (direction, hinge) frame to its joint
     exact: Array  # (4,) m up to which each limb reaches exactly: the rig's, or farther where the base does
+    floors: Array  # (2,) m, the floor under each foot: 0, or lower where the base's own sole, toes unbent, is
 
 
 @kernel
@@ -209,7 +210,7 @@ def reconstruct_into(
         mul(shin, rotations_ls[lower], shin)
         mul(shin, base.rotations_ls[foot], turn)
         slerp(turn, feet[side], feet_level[side], turn)
-        keep_above_floor(rig, side, max(points[3 + side, 1], rig.ankle_heights[side]), turn)
+        keep_above_floor(rig, side, max(points[3 + side, 1], rig.ankle_heights[side]) - base.floors[side], turn)
         inv_mul(shin, turn, rotations_ls[foot])
     fk_into(rig.parents, rig.offsets, points[0], rotations_ls, positions_ws, rotations_ws)
 
@@ -230,9 +231,9 @@ def reconstruct_batch_into(
 @kernel
 def analyse_into(
     rig: Rig, rotations_ls: Array, positions_ws: Array, rotations_ws: Array, points: Array, turns: Array,
-    swivels: Array, feet: Array, rolls: Array, exact: Array,
+    swivels: Array, feet: Array, rolls: Array, exact: Array, floors: Array,
 ) -> None:  # fmt: skip
-    """The point pose of a full pose, with a `Base`'s rolls and exact reaches: reconstruction's inverse."""
+    """The point pose of a full pose, with a `Base`'s rolls, exact reaches and floors: reconstruction's inverse."""
     for k in range(3):
         points[0, k] = positions_ws[0, k]
     for k in range(4):
@@ -279,6 +280,7 @@ def analyse_into(
     for side in range(2):
         for k in range(4):
             feet[side, k] = rotations_ws[rig.limbs[2 + side, 2], k]
+        floors[side] = min(0.0, points[3 + side, 1] + sole_bottom(rig, side, feet[side]))
 
 
 def rest_base(rig: Rig) -> Base:
@@ -286,7 +288,7 @@ def rest_base(rig: Rig) -> Base:
     joints = rig.parents.shape[0]
     rotations = np.zeros((joints, 4))
     rotations[:, 3] = 1.0
-    return Base(rotations, rotations.copy(), rig.rolls, rig.reach[:, 1].copy())
+    return Base(rotations, rotations.copy(), rig.rolls, rig.reach[:, 1].copy(), np.zeros(2))
 
 
 def analyse(skeleton: Skeleton, root: Array, rotations_ls: Array) -> tuple[PointPose, Base]:
@@ -301,11 +303,12 @@ def analyse(skeleton: Skeleton, root: Array, rotations_ls: Array) -> tuple[Point
     positions_ws, rotations_ws = np.empty((len(skeleton), 3)), np.empty((len(skeleton), 4))
     fk_into(rig.parents, rig.offsets, np.asarray(root, dtype=np.float64), local, positions_ws, rotations_ws)
     pose = PointPose(np.empty((5, 3)), np.empty((2, 4)), np.empty(4), np.empty((2, 4)))
-    rolls, exact = np.empty((4, 2, 4)), np.empty(4)
+    rolls, exact, floors = np.empty((4, 2, 4)), np.empty(4), np.empty(2)
     analyse_into(
-        rig, local, positions_ws, rotations_ws, pose.points, pose.turns, pose.swivels, pose.feet, rolls, exact
+        rig, local, positions_ws, rotations_ws, pose.points, pose.turns, pose.swivels, pose.feet, rolls, exact,
+        floors,
     )  # fmt: skip
-    return pose, Base(local, rotations_ws, rolls, exact)
+    return pose, Base(local, rotations_ws, rolls, exact, floors)
 
 
 def reconstruct(

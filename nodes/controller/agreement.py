@@ -17,8 +17,9 @@ from bunraku.figure.quat import angle, mul_inv, slerp
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
 from bunraku.nodes.controller.blend import blend_point, blend_turn
-from bunraku.nodes.controller.collision import Contacts, place_limb
+from bunraku.nodes.controller.collision import Contacts
 from bunraku.nodes.controller.legs import keep_pelvis_over_feet, lean_room
+from bunraku.nodes.controller.placing import place_limb
 from bunraku.nodes.controller.state import Gains, Held, State, Under
 from bunraku.nodes.controller.step import IDLE, PHASE
 from bunraku.nodes.controller.tracking import keep_lean, reach_with_trunk, root_shift
@@ -39,23 +40,49 @@ REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.06, 8.0, 0.4
 """How far the pelvis goes for every metre of the held ends, m/s on top, rad/m and rad/s for the trunk."""
+UNTOUCHED = 2e-3
+"""m and rad, summed over all parts, up to which a figure is where its motion has it."""
+FROM_MOTION = 0.12
+"""m: how far a reach takes the pelvis from where its motion has it."""
 SHIFT_WEIGHT = 0.8
 """m/s of the same for a foot that leaves the ground."""
 
 
 @kernel
-def nothing_driven(st: State, flags: Array, held: Held, goals: Array, arms: Array) -> bool:
-    """Whether nothing is held and every part is where its motion has it."""
+def nothing_driven(held: Held, ways: Array, turns: Array) -> bool:
+    """Whether nothing is held and every part is where its motion has it (see `way_from_motion`)."""
     for n in range(held.flags.shape[0]):
         if held.flags[n] > 0.5:
             return False
     off = 0.0
     for k in range(3):
-        off += abs(st.points[0, k] - goals[0, k])
-        for limb in range(2):
-            off += abs(arms[limb, k] - goals[1 + limb, k])
-            off += abs(st.points[3 + limb, k] - goals[3 + limb, k])
-    return off < 2e-3
+        for n in range(5):
+            off += abs(ways[n, k])
+        for n in range(2):
+            off += abs(turns[n, k])
+    return off < UNTOUCHED
+
+
+@kernel
+def held_off(target: Array, end: Array, shift: Array) -> float:
+    """How far (m) a limb's end is from its target; ``shift`` (3) becomes that way where it is the longer one."""
+    lack, far = 0.0, 0.0
+    for k in range(3):
+        lack += (target[k] - end[k]) ** 2
+        far += shift[k] ** 2
+    if lack > far:
+        for k in range(3):
+            shift[k] = target[k] - end[k]
+    return sqrt(lack) if lack > 1e-8 else 0.0
+
+
+@kernel
+def keep_near(middle: Array, most: float, point: Array) -> None:
+    """Keep a point (3) within ``most`` (m) of another (3), in place."""
+    d = sqrt((point[0] - middle[0]) ** 2 + (point[1] - middle[1]) ** 2 + (point[2] - middle[2]) ** 2)
+    if d > most:
+        for k in range(3):
+            point[k] = middle[k] + most / d * (point[k] - middle[k])
 
 
 @kernel
@@ -78,16 +105,22 @@ def agree(
     # A pelvis that is held, or was left low, may be low; a reach alone does not pull it far down.
     low = not pelvis_free or st.pelvis_rest[1] < -0.02
     duck = gains.duck if low else max(gains.duck, REACH_DUCK)
+    farthest = 0.0
+    if over:
+        duck = 0.0
+        for k in range(3):
+            farthest += (st.points[0, k] - under.points[0, k]) ** 2
+        farthest = max(FROM_MOTION, sqrt(farthest))
     back = rig.back[0]
     size = 0
     # A pelvis that is held where no leg reaches must not be looked at there.
     for k in range(3):
         for side in range(2):
             hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
-    keep_pelvis_over_feet(
-        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False,
-        not stepping and not over,
-    )  # fmt: skip
+    if not over:
+        keep_pelvis_over_feet(
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping, True
+        )  # fmt: skip
     for round_ in range(ROUNDS + LAST_ROUNDS):
         last_word = round_ >= ROUNDS
         reconstruct_into(
@@ -103,6 +136,8 @@ def agree(
                     st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
         center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
         size = sole_polygon(rig, st.points, st.feet, st.support, hull)
+        if untouched:
+            break
         lean_room(rig, positions_ws, st.planted, st.heading[0], room)
         for k in range(3):
             start[k] = st.points[0, k]
@@ -125,6 +160,9 @@ def agree(
                     lack = root_shift(
                         st.points[1 + limb], positions_ws[rig.limbs[limb, 0]], under.base.exact[limb], part
                     )  # fmt: skip
+                    if limb >= 4:
+                        # The hip's limits count as well: a high kick takes the pelvis along.
+                        lack = max(lack, held_off(st.points[1 + limb], positions_ws[rig.limbs[limb, 2]], part))
                     if lack > 0.0:
                         most = max(most, lack)
                         lacking += 1
@@ -195,8 +233,10 @@ def agree(
             keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
-            not stepping and not over,
+            not stepping and not over, not over,
         )  # fmt: skip
+        if over and pelvis_free:
+            keep_near(under.points[0], farthest, st.points[0])
         moved = 0.0
         for k in range(3):
             moved += (st.points[0, k] - start[k]) ** 2
@@ -207,12 +247,13 @@ def agree(
 
 @kernel
 def hold_back(
-    rig: Rig, gains: Gains, st: State, under: Under, flags: Array, aims_before: Array, pelvis: Array, trunk: Array,
-    positions_ws: Array, dt: float,
+    rig: Rig, gains: Gains, st: State, held: Held, under: Under, flags: Array, aims_before: Array, pelvis: Array,
+    trunk: Array, positions_ws: Array, dt: float,
 ) -> bool:  # fmt: skip
     """Let trunk and pelvis go to what tracking and balance agreed on only about as fast as the held ends move.
 
-    The agreement may jump from one way of reaching to another; the body takes its time. True if it was held back.
+    The agreement may jump from one way of reaching to another; the body takes its time. ``pelvis`` (3) and
+    ``trunk`` (4) are where they were before; what is held stays. True if something was held back.
     """
     moved = 0.0
     for limb in range(4):
@@ -221,25 +262,33 @@ def hold_back(
             for k in range(3):
                 way += (st.aims[1 + limb, k] - aims_before[1 + limb, k]) ** 2
             moved += sqrt(way)
+    over = under.active[0] > 0.5
     for side in range(2):
-        if st.support[side] > 0.0 and st.planted[side] < 0.5:
+        if st.support[side] > 0.0 and st.planted[side] < 0.5 and not over:
             moved += SHIFT_WEIGHT * dt
     way = 0.0
-    for k in range(3):
-        way += (st.points[0, k] - pelvis[k]) ** 2
-    q = np.empty(4)
-    mul_inv(st.turns[0], trunk, q)
+    if flags[0] < 0.5:
+        for k in range(3):
+            way += (st.points[0, k] - pelvis[k]) ** 2
+    turned = 0.0
+    if held.flags[5] < 0.5:
+        q = np.empty(4)
+        mul_inv(st.turns[0], trunk, q)
+        turned = angle(q)
     most = min(1.0, (BODY_WAY * moved + BODY_SPEED * dt) / max(sqrt(way), 1e-9))
-    most = min(most, (BODY_TURN * moved + BODY_SPIN * dt) / max(angle(q), 1e-9))
+    most = min(most, (BODY_TURN * moved + BODY_SPIN * dt) / max(turned, 1e-9))
     if most >= 1.0:
         return False
-    hips = np.empty((2, 3))
-    for k in range(3):
-        st.points[0, k] = pelvis[k] + most * (st.points[0, k] - pelvis[k])
-        for side in range(2):
-            hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
-    slerp(trunk, st.turns[0], most, st.turns[0])
-    keep_pelvis_over_feet(
-        rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, False, True
-    )  # fmt: skip
+    if held.flags[5] < 0.5:
+        slerp(trunk, st.turns[0], most, st.turns[0])
+    if flags[0] < 0.5:
+        hips = np.empty((2, 3))
+        for k in range(3):
+            st.points[0, k] = pelvis[k] + most * (st.points[0, k] - pelvis[k])
+            for side in range(2):
+                hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
+        duck = 0.0 if over else gains.duck
+        keep_pelvis_over_feet(
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not over, not over
+        )  # fmt: skip
     return True

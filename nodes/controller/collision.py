@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from bunraku.figure.boxes import box_axes, pair_gap, place_boxes_into
 from bunraku.figure.jit import kernel
-from bunraku.figure.limits import Limits, clamp_joint
-from bunraku.figure.pointpose import keep_above_floor, reconstruct_limb
-from bunraku.figure.quat import inv_mul, mul, rotate, slerp
+from bunraku.figure.limits import Limits
+from bunraku.figure.quat import rotate
 from bunraku.figure.rig import Rig
+from bunraku.nodes.controller.placing import place_limb
 from bunraku.nodes.controller.state import Gains, State, Under
 
 Array = NDArray[np.float64]
@@ -30,12 +30,19 @@ STRIDE = 0.04
 MOST_STRIDES = 10
 PUSHES = 6
 """Most pushes after one stride."""
+RESCUES = 20
+"""The same for a limb that the body has run into."""
+TRIES = 3
+"""Shares of the way that are tried, each half of the one before (eq. 27)."""
 SLIDE, CREEP = 1.5, 0.15
 """How much faster than its goal a limb slides along something, and m/s at which it does where the goal rests."""
 SLIDE_TURN, CREEP_TURN = 8.0, 0.7
 """rad/m and rad/s: the same for the turn of its elbow or knee."""
 LEAST_PROGRESS = 0.012
 """m/s: one that comes no nearer than this stays where it is."""
+LEAST_LEVER, LEAST_BEND, MOST_PUSH = 0.1, 0.02, 0.05
+"""Share of the upper bone below which a contact is taken for farther out; m that an elbow stands out before it is
+turned; m that one push moves the end at most."""
 WAIT = 0.5
 """s that a free limb rests on something before it slides on."""
 SHALLOW = 0.005
@@ -75,33 +82,16 @@ def unpack_contacts(ints: Index, floats: Array, joints: int) -> Contacts:
 
 
 @kernel
-def place_limb(
-    rig: Rig, st: State, under: Under, limits: Limits, limb: int, limited: bool, rotations_ls: Array,
-    positions_ws: Array, rotations_ws: Array,
-) -> None:  # fmt: skip
-    """Pose one limb for its point and swivel, within its limits, and bring its world arrays up to date."""
-    reconstruct_limb(
-        rig, under.base, limb, st.points[1 + limb], st.swivels[limb], positions_ws, rotations_ws, rotations_ls
-    )  # fmt: skip
-    upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
-    if limited:
-        clamp_joint(limits, upper, rotations_ls[upper])
-    v = np.empty(3)
-    for joint in range(upper, rig.parents.shape[0]):
-        parent = rig.parents[joint]
-        if joint != upper and parent < upper:
-            break
-        if joint == end and limb >= 2:
-            turn = np.empty(4)
-            side = limb - 2
-            mul(rotations_ws[lower], under.base.rotations_ls[end], turn)
-            slerp(turn, st.feet[side], st.feet_level[side], turn)
-            keep_above_floor(rig, side, max(st.points[3 + side, 1], rig.ankle_heights[side]), turn)
-            inv_mul(rotations_ws[lower], turn, rotations_ls[end])
-        rotate(rotations_ws[parent], rig.offsets[joint], v)
+def contact_point(center: Array, axes: Array, half: Array, way: Array, out: Array) -> None:
+    """Where a box (its centre, axes and half extents) is touched from the side to which ``way`` (3, unit) points."""
+    for k in range(3):
+        out[k] = center[k]
+    for n in range(3):
+        along = axes[n, 0] * way[0] + axes[n, 1] * way[1] + axes[n, 2] * way[2]
+        # The middle of a face that is touched flat, a corner where it is pointed at.
+        share = half[n] * min(1.0, max(-1.0, 3.0 * along))
         for k in range(3):
-            positions_ws[joint, k] = positions_ws[parent, k] + v[k]
-        mul(rotations_ws[parent], rotations_ls[joint], rotations_ws[joint])
+            out[k] += share * axes[n, k]
 
 
 @kernel
@@ -115,7 +105,7 @@ def deepest_contact(
     ``push`` (4): the way out (3) and where on its bone: 0 upper bone's root .. 1 elbow .. 2 end and beyond.
     """
     least = 1e9
-    axis, v = np.empty(3), np.empty(3)
+    axis, v, point = np.empty(3), np.empty(3), np.empty(3)
     upper, lower = rig.limbs[limb, 0], rig.limbs[limb, 1]
     for n in range(4):
         part = contacts.parts[limb, n]
@@ -141,10 +131,11 @@ def deepest_contact(
                 else:
                     bone = upper if n == 0 else lower
                     far = lower if n == 0 else rig.limbs[limb, 2]
+                    contact_point(centers[other], axes[other], rig.box_sizes[other], axis, point)
                     along, length = 0.0, 0.0
                     for k in range(3):
                         v[k] = positions_ws[far, k] - positions_ws[bone, k]
-                        along += v[k] * (centers[other, k] - positions_ws[bone, k])
+                        along += v[k] * (point[k] - positions_ws[bone, k])
                         length += v[k] * v[k]
                     push[3] = n + min(1.0, max(0.0, along / max(length, 1e-9)))
     return least
@@ -152,63 +143,83 @@ def deepest_contact(
 
 @kernel
 def push_limb(
-    rig: Rig,
-    st: State,
-    limb: int,
-    push: Array,
-    depth: float,
-    most_turn: float,
-    positions_ws: Array,
+    rig: Rig, st: State, limb: int, push: Array, depth: float, most_turn: float, positions_ws: Array,
     rotations_ws: Array,
-) -> None:
-    """Move a limb's end, and turn its elbow or knee, so that the contact moves ``depth`` (m) out."""
+) -> None:  # fmt: skip
+    """Move a limb's end, and turn its elbow or knee, by the least that moves the contact ``depth`` (m) out.
+
+    With the end at ``d u`` from the root and the hinge at ``a u + h p`` (``u``, ``p`` the axis and the pole), a
+    small movement ``v`` of the end and ``t`` of the swivel moves the hinge by ``(a' u + h' p)(v·u) + (a/d) v_t -
+    (h/d)(v·p) u + h t (u x p)``; the contact lies on the bone above or below it, and the push is the least-squares
+    solution of that one equation along its way out.
+    """
     upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
-    row = limb + 1
-    place = push[3]
-    to_end = min(1.0, max(0.0, place - 1.0))
-    to_hinge = 1.0 - to_end if place >= 1.0 else place
-    # The elbow moves by its swivel alone, so only across the line from root to end.
-    axis, pole, square = np.empty(3), np.empty(3), np.empty(3)
-    n = 0.0
+    axis, pole, lead = np.empty(3), np.empty(3), np.empty(3)
+    d = 0.0
     for k in range(3):
         axis[k] = positions_ws[end, k] - positions_ws[upper, k]
-        n += axis[k] * axis[k]
-    n = max(sqrt(n), 1e-6)
-    along = 0.0
+        d += axis[k] * axis[k]
+    d = max(sqrt(d), 1e-6)
+    a = 0.0
     for k in range(3):
-        axis[k] /= n
+        axis[k] /= d
         pole[k] = positions_ws[lower, k] - positions_ws[upper, k]
-        along += pole[k] * axis[k]
-    radius = 0.0
+        a += pole[k] * axis[k]
+    h = 0.0
     for k in range(3):
-        pole[k] -= along * axis[k]
-        radius += pole[k] * pole[k]
-    radius = sqrt(radius)
-    square[0] = axis[1] * pole[2] - axis[2] * pole[1]
-    square[1] = axis[2] * pole[0] - axis[0] * pole[2]
-    square[2] = axis[0] * pole[1] - axis[1] * pole[0]
-    across = 0.0
-    if radius > 0.02:
-        across = (square[0] * push[0] + square[1] * push[1] + square[2] * push[2]) / radius
-    # Shares by lever: hinge moves `to_hinge * across`, end moves `to_end` (or as a lever beyond the hinge).
-    by_end = 0.5 * place * along / n if place < 1.0 else to_end + (1.0 - to_end) * along / n
-    by_hinge = to_hinge * across
-    total = by_end * by_end + by_hinge * by_hinge
-    if total < 0.01:
+        pole[k] -= a * axis[k]
+        h += pole[k] * pole[k]
+    radius = sqrt(h)
+    h = max(radius, LEAST_BEND)
+    out_axis, out_pole = 0.0, 0.0
+    for k in range(3):
+        pole[k] /= max(radius, 1e-9)
+        out_axis += push[k] * axis[k]
+        out_pole += push[k] * pole[k]
+    # How much of the hinge's and of the end's movement the contact makes.
+    place = push[3]
+    by_hinge = max(LEAST_LEVER, place) if place < 1.0 else 2.0 - place
+    by_end = max(0.0, place - 1.0)
+    grow = 1.0 - a / d
+    radial = grow * out_axis - a * grow / h * out_pole
+    total = 0.0
+    for k in range(3):
+        across = push[k] - out_axis * axis[k]
+        lead[k] = by_hinge * (radial * axis[k] + a / d * across - h / d * out_axis * pole[k]) + by_end * push[k]
+        total += lead[k] * lead[k]
+    square = (axis[1] * pole[2] - axis[2] * pole[1]) * push[0]
+    square += (axis[2] * pole[0] - axis[0] * pole[2]) * push[1]
+    square += (axis[0] * pole[1] - axis[1] * pole[0]) * push[2]
+    square = by_hinge * square if radius > LEAST_BEND else 0.0
+    total += square * square
+    if total < 1e-4:
         return
-    move = depth * by_end / total
+    size = 0.0
     for k in range(3):
-        st.points[row, k] += move * push[k]
-    if radius > 0.02:
-        turn = depth * by_hinge / total / radius
-        turn = min(most_turn, max(-most_turn, turn))
-        st.swivels[limb] += turn
+        lead[k] *= depth / total
+        size += lead[k] * lead[k]
+    shorter = min(1.0, MOST_PUSH / max(sqrt(size), 1e-9))
+    for k in range(3):
+        st.points[limb + 1, k] += shorter * lead[k]
+    if radius > LEAST_BEND:
+        turn = depth * square / total / radius
+        st.swivels[limb] += min(most_turn, max(-most_turn, turn))
 
 
 @kernel
 def distance(a: Array, b: Array) -> float:
     """Between two points (3), m."""
     return sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@kernel
+def mark_limb(rig: Rig, limb: int, value: float, out: Array) -> None:
+    """Set a value of ``out`` (J,) for all joints of a limb."""
+    upper = rig.limbs[limb, 0]
+    for joint in range(upper, rig.parents.shape[0]):
+        if joint != upper and rig.parents[joint] < upper:
+            break
+        out[joint] = value
 
 
 @kernel
@@ -222,11 +233,46 @@ def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
         if other >= 2 and st.planted[other - 2] > 0.5:
             rank = 4.0
         if rank < mine:
-            upper = rig.limbs[other, 0]
-            for joint in range(upper, rig.parents.shape[0]):
-                if joint != upper and rig.parents[joint] < upper:
-                    break
-                out[joint] = 1.0
+            mark_limb(rig, other, 1.0, out)
+
+
+@kernel
+def go(
+    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, limb: int, start: Array, swivel: float,
+    goal: Array, wanted: float, share: float, pushes: int, most_turn: float, deepest: float, yielding: Array,
+    limited: bool, rotations_ls: Array, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array,
+    push: Array,
+) -> float:  # fmt: skip
+    """Take a limb a share of the way from its last place to its goal, pushed out of the body after every stride.
+
+    Args:
+        start, swivel: where it was (3, m; rad); ``goal``, ``wanted`` where it should be.
+        pushes: most pushes after a stride, each of at most ``deepest`` m and ``most_turn`` rad.
+
+    Returns:
+        The gap (m) that it ends with; the world arrays hold its pose.
+    """
+    row = limb + 1
+    for k in range(3):
+        st.points[row, k] = start[k]
+    st.swivels[limb] = swivel
+    way = share * distance(goal, start)
+    strides = min(MOST_STRIDES, max(1, int(np.ceil(way / STRIDE))))
+    turn = share * (wanted - swivel) / strides
+    gap = 0.0
+    for stride in range(strides):
+        for k in range(3):
+            st.points[row, k] += (goal[k] - st.points[row, k]) * share / (strides - stride * share)
+        st.swivels[limb] += turn
+        for n in range(pushes + 1):
+            place_limb(rig, st, under, contacts.limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
+            gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
+            if gap >= 0.0 or n == pushes:
+                break
+            push_limb(
+                rig, st, limb, push, min(deepest, gains.clearance - gap), most_turn, positions_ws, rotations_ws
+            )  # fmt: skip
+    return gap
 
 
 @kernel
@@ -274,6 +320,15 @@ def avoid(
             for k in range(3):
                 st.wishes[limb, k] = st.points[row, k]
             continue
+        if own:
+            # Of a motion's own arms only what the touched limbs do to them counts.
+            for joint in range(joints):
+                yielding[joint] = 1.0
+            for other in range(4):
+                if flags[1 + other] > 0.5:
+                    mark_limb(rig, other, 0.0, yielding)
+        else:
+            yields(rig, st, flags, limb, yielding)
         limited = flags[row] > 0.5 or under.active[0] < 0.5
         st.stuck[limb] = max(0.0, st.stuck[limb] - dt) if flags[row] < 0.5 else 0.0
         root = positions_ws[rig.limbs[limb, 0]]
@@ -282,7 +337,6 @@ def avoid(
             # The last place, taken along with the shoulder or hip.
             start[k] = st.wishes[limb, k] + root[k] - st.roots[limb, k]
         wanted = st.swivels[limb]
-        yields(rig, st, flags, limb, yielding)
         place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         way = distance(goal, start)
@@ -298,53 +352,46 @@ def avoid(
             continue
         st.mode[2] = 1.0
         # From the last place, where it was free unless the body moved.
-        for k in range(3):
-            st.points[row, k] = start[k]
-        st.swivels[limb] = swivels_before[limb]
-        place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-        gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
-        was_free = gap >= -1e-4
+        gap = go(
+            rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, 0, 1.0, 1.0,
+            yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+        )  # fmt: skip
+        gap_before = gap
         far = distance(goal, positions_ws[rig.limbs[limb, 2]])
         for k in range(3):
             at_start[k] = positions_ws[rig.limbs[limb, 2], k]
         farthest = SLIDE * moved[limb] + CREEP * dt
         share = min(1.0, farthest / max(way, 1e-9))
-        strides = min(MOST_STRIDES, max(1, int(np.ceil(way * share / STRIDE))))
-        pushes, most_turn, deepest = PUSHES, 0.2, 1.0
-        if not was_free:
-            # The body moved into it: only out, not on; and gently while it is hardly in.
-            share, strides = 0.0, 1
-            if gap > -SHALLOW:
-                pushes, most_turn, deepest = 1, CREEP_TURN * dt, CREEP * dt
-        turn_left = share * (wanted - swivels_before[limb])
-        for stride in range(strides):
-            for k in range(3):
-                st.points[row, k] += (goal[k] - st.points[row, k]) * share / (strides - stride * share)
-            st.swivels[limb] += turn_left / strides
-            for _ in range(pushes):
-                place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-                gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
-                if gap >= 0.0:
-                    break
-                push_limb(
-                    rig, st, limb, push, min(deepest, gains.clearance - gap), most_turn, positions_ws, rotations_ws
-                )  # fmt: skip
-        place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-        gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
-        nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
-        turned = abs(st.swivels[limb] - swivels_before[limb])
-        slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt
-        slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
-        # A free limb's goal is always just ahead: after a while it may also slide past what is in its way.
-        rests = nearer < LEAST_PROGRESS * dt and (flags[row] > 0.5 or st.stuck[limb] < WAIT)
-        if was_free and (gap < -1e-4 or rests or slips):
+        done = False
+        # No deeper than it was where the body has moved into it, and never deep.
+        least_gap = -1e-4 if gap_before >= -1e-4 else max(gap_before, -0.8 * SHALLOW)
+        for _ in range(TRIES):
+            gap = go(
+                rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, share, PUSHES, 0.2,
+                1.0, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+            )  # fmt: skip
+            nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
+            turned = abs(st.swivels[limb] - swivels_before[limb])
+            slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt
+            slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
+            # A free limb's goal is always just ahead: after a while it may also slide past what is in its way.
+            rests = nearer < LEAST_PROGRESS * dt and (flags[row] > 0.5 or st.stuck[limb] < WAIT)
+            done = gap >= least_gap and not rests and not slips
+            if done:
+                break
+            share *= 0.5
+        if not done:
             st.stuck[limb] = min(1.0, st.stuck[limb] + 2.0 * dt)
-            # Back to the last free place (eq. 27 with t = 0).
-            for k in range(3):
-                st.points[row, k] = start[k]
-            st.swivels[limb] = swivels_before[limb]
-            place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
-            deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
+            # It stays (eq. 27 with t = 0); where the body has moved into it, it only gets out, gently if it can.
+            pushes, most_turn, deepest = 0, 0.0, 0.0
+            if gap_before < -1e-4:
+                pushes, most_turn, deepest = RESCUES, 0.2, 1.0
+                if gap_before > -SHALLOW:
+                    pushes, most_turn, deepest = 1, CREEP_TURN * dt, CREEP * dt
+            go(
+                rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, pushes,
+                most_turn, deepest, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+            )  # fmt: skip
         off = st.swivels[limb] - plain[limb]
         st.pushes[limb] = min(1.6, max(-1.6, off))
         st.extra[limb] = st.swivels[limb] - under.swivels[limb]

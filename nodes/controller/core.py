@@ -203,7 +203,7 @@ class Stack:
         fk_into(rig.parents, rig.offsets, np.asarray(root, dtype=np.float64), local, positions, under.base.rotations_ws)
         analyse_into(
             rig, local, positions, under.base.rotations_ws, under.points, under.turns, under.swivels, under.feet,
-            under.base.rolls, under.base.exact,
+            under.base.rolls, under.base.exact, under.base.floors,
         )  # fmt: skip
         center_of_mass_into(rig.masses, rig.mass_centers, positions, under.base.rotations_ws, under.center)
         under.active[0] = 1.0

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bunraku.figure.jit import kernel
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.legs import knee_pace
+from bunraku.nodes.controller.over import ease_point
 from bunraku.nodes.controller.relaxing import carry_hand, relax_hand, relax_point, wanted_velocity
 from bunraku.nodes.controller.state import Gains, Held, State
 from bunraku.nodes.controller.step import IDLE, PHASE
@@ -44,7 +45,7 @@ def held_hinge(rig: Rig, st: State, limb: int, held: Held, positions_ws: Array, 
 
 @kernel
 def move_ends(
-    rig: Rig, gains: Gains, st: State, held: Held, goals: Array, over: bool, positions_ws: Array, ends: Array,
+    rig: Rig, gains: Gains, st: State, held: Held, goals: Array, over: bool, ways: Array, positions_ws: Array,
     arms: Array, flags: Array, dt: float,
 ) -> None:  # fmt: skip
     """Held ends to their targets, free ones toward rest.
@@ -96,14 +97,15 @@ def move_ends(
                 st.aims[row, 1] = max(st.aims[row, 1], rig.ankle_heights[limb - 2])
             for k in range(3):
                 st.points[row, k] = st.aims[row, k]
+        elif over:
+            out = arms[limb] if limb < 2 else st.points[row]
+            ease_point(ways[row], st.velocities[row], goals[row], gains.motion_half_life, dt, out)
         elif limb < 2:
             for k in range(3):
                 arms[limb, k] = st.points[row, k] - st.roots[limb, k]
                 if st.held[row] > 0.5:
                     st.wishes[limb, k] = st.points[row, k]
             carry_hand(arms[limb], st.goals[row], goals[row])
-            for k in range(3):
-                ends[row, k] = arms[limb, k]
             sign = 1.0 if limb == 0 else -1.0
             aside[0], aside[1], aside[2] = 0.85 * sign * c + 0.5 * s, 0.0, 0.5 * c - 0.85 * sign * s
             # An arm that cannot go on tries farther out.
@@ -118,13 +120,6 @@ def move_ends(
             relax_hand(
                 arms[limb], st.velocities[row], wanted, aside, rig.lengths[limb, 0], rig.lengths[limb, 1],
                 gains.relax_ends, gains.relax_time, gains.ease_time, dt,
-            )  # fmt: skip
-        elif over:
-            for k in range(3):
-                st.points[row, k] += goals[row, k] - st.goals[row, k]
-            relax_point(
-                st.points[row], st.velocities[row], goals[row], gains.relax_feet, LANDING_TIME,
-                gains.ease_time, dt,
             )  # fmt: skip
         elif st.planted[limb - 2] < 0.5 and st.step[PHASE] == IDLE:
             side = limb - 2

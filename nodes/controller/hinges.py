@@ -36,6 +36,11 @@ def turn_hinges(
         upper = rig.limbs[limb, 0]
         parent = rotations_ws[rig.parents[upper]]
         goal = default_swivel(rig, limb, st.points[1 + limb], positions_ws[upper], parent)
+        now = st.extra[limb]
+        if under.active[0] > 0.5:
+            # A motion takes its swivels along; only what is added is eased.
+            now += wrap(goal - st.examples[limb])
+        st.examples[limb] = goal
         if limb >= 2 and under.active[0] < 0.5:
             goal -= 0.5 * wrap(twist_of(st.feet[limb - 2]) - st.heading[0])
         if held.flags[8 + limb] > 0.5:
@@ -56,9 +61,9 @@ def turn_hinges(
             wanted = swivel_of(axis, pole, rig.references[limb, 0], rig.references[limb, 1])
             wanted -= under.swivels[limb]
             goal += min(1.0, sqrt(out) / 0.05) * wrap(wanted - goal)
-        now = st.extra[limb]
         plain[limb] = under.swivels[limb] + now + wrap(goal - now)
         aim = np.array([now + wrap(goal + st.pushes[limb] - now)])
+        st.extra[limb] = now
         spring_to_into(st.extra[limb : limb + 1], st.extra_rates[limb : limb + 1], aim, gains.swivel_half_life, dt)
         if st.mode[0] < 1.5:
             st.extra[limb], st.extra_rates[limb] = aim[0], 0.0

@@ -30,7 +30,7 @@ LOWEST_PELVIS = 0.25
 @kernel
 def keep_pelvis_over_feet(
     rig: Rig, exact: Array, pelvis: Array, hips: Array, points: Array, feet: Array, planted: Array, duck: float,
-    rise: bool, near: bool,
+    rise: bool, near: bool, shins: bool,
 ) -> None:  # fmt: skip
     """Move the pelvis (3, m, in place) the least that lets the legs reach every planted foot.
 
@@ -39,6 +39,7 @@ def keep_pelvis_over_feet(
         hips: (2, 3) m from the pelvis to each hip joint.
         duck: least hip to ankle as a share of the leg.
         near: whether the pelvis also has to be near its feet (not while they step).
+        shins: whether they may lean only so far (a motion's own lean as its maker wanted).
         rise: where the shins lean too far, rise instead of sitting back (balance needs the place).
     """
     forward, ahead = np.empty(3), np.array([0.0, 0.0, 1.0])
@@ -65,6 +66,8 @@ def keep_pelvis_over_feet(
             for k in range(3):
                 pelvis[k] += off * v[k]
             worst = max(worst, abs(off) * d)
+            if not shins:
+                continue
             # The shin may lean over the foot only so far; farther down, the seat goes back.
             d = min(longest, max(shortest, d))
             rotate(feet[side], ahead, forward)

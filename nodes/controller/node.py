@@ -69,7 +69,7 @@ class Controller(Node):
     swivel_half_life: float = param(
         _GAINS.swivel_half_life, low=0.005, high=2.0, doc="s in which elbows and knees follow"
     )
-    input_speed: float = param(_GAINS.input_speed, low=0.1, high=100.0, doc="m/s; a faster target has jumped")
+    input_speed: float = param(_GAINS.input_speed, low=0.1, high=100.0, doc="m/s; what is faster evens out")
     turn_speed: float = param(_GAINS.turn_speed, low=0.1, high=20.0, doc="rad/s at which the figure turns")
     margin: float = param(
         _GAINS.margin, low=0.0, high=0.1, doc="m that the centre of mass keeps inside the support polygon"
@@ -78,6 +78,9 @@ class Controller(Node):
     step_lift: float = param(_GAINS.step_lift, low=0.0, high=0.5, doc="m by which a stepping foot is lifted")
     step_time: float = param(_GAINS.step_time, low=0.05, high=2.0, doc="s that each phase of a step takes at least")
     step_pace: float = param(_GAINS.step_pace, low=0.0, high=5.0, doc="s/m added for a step's length")
+    motion_half_life: float = param(
+        _GAINS.motion_half_life, low=0.02, high=2.0, doc="s in which what a touch left over a motion evens out"
+    )
     show_overlay: bool = param(True, doc="say support polygon, centre of mass and footprints for the picture")
 
     def setup(self) -> None:

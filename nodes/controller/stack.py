@@ -22,6 +22,7 @@ from bunraku.nodes.controller.heading import seek_step, turn_feet, update_headin
 from bunraku.nodes.controller.hinges import turn_hinges
 from bunraku.nodes.controller.interaction import sway_hands, sway_trunk
 from bunraku.nodes.controller.legs import knee_pace, lean_room
+from bunraku.nodes.controller.over import ease_point, ease_turn, remember_ways, way_from_motion
 from bunraku.nodes.controller.relaxing import (
     carry_turn,
     keep_head,
@@ -90,9 +91,16 @@ def advance(
     swivels_before, plain, aims_before, moved = np.empty(4), np.empty(4), np.empty((5, 3)), np.empty(4)
     if st.mode[0] < 0.5:
         start(rig, gains, st, held, under, goals, goal_turns, plain, rotations_ls, positions_ws, rotations_ws)
+    ways, ways_turned, ways_before, turned_before = (
+        np.empty((5, 3)),
+        np.empty((2, 3)),
+        np.empty((5, 3)),
+        np.empty((2, 3)),
+    )
     before[:] = st.points
     swivels_before[:] = st.swivels
-    go_on_as_drawn(st, held)
+    if not over:
+        go_on_as_drawn(st, held)
 
     # Where everything would rest, and whether the feet have to go somewhere.
     update_heading(gains, st, held, under, dt)
@@ -100,19 +108,22 @@ def advance(
     if st.mode[1] != under.active[0]:
         change_base(st, under, goals, goal_turns)
     yaws = np.array([twist_of(st.feet[0]), twist_of(st.feet[1])])
+    way_from_motion(st, st.goals, st.goal_turns, ways, ways_turned)
+    ways_before[:] = ways
+    turned_before[:] = ways_turned
     seek_step(rig, gains, st, held, over, goals)
     stepping = st.step[PHASE] != IDLE
 
     # Every part by itself: held ones to their targets, free ones toward rest.
-    move_turns(gains, st, held, goal_turns, trunk_before, dt)
-    move_pelvis(rig, gains, st, held, over, goals, positions_ws, carried, flags, dt)
+    move_turns(gains, st, held, over, goal_turns, ways_turned, trunk_before, dt)
+    move_pelvis(rig, gains, st, held, over, goals, ways, positions_ws, carried, flags, dt)
     # What a motion carries along does not count as moved.
     for n in range(5):
         for k in range(3):
             aims_before[n, k] = st.aims[n, k] if st.held[n] > 0.5 else st.points[n, k]
             if over:
                 aims_before[n, k] += goals[0, k] - st.goals[0, k]
-    move_ends(rig, gains, st, held, goals, over, positions_ws, carried, arms, flags, dt)
+    move_ends(rig, gains, st, held, goals, over, ways, positions_ws, arms, flags, dt)
     if stepping:
         advance_step(
             st.step, st.points[0], st.points, yaws, st.planted, rig.ankle_heights, gains.step_lift,
@@ -122,21 +133,21 @@ def advance(
     turn_feet(rig, gains, st, under, yaws, dt)
     lean_room(rig, positions_ws, st.planted, st.heading[0], room)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
-    sway_trunk(rig, gains, st, held, flags, aims_before, positions_ws)
+    if not over:
+        sway_trunk(rig, gains, st, held, flags, aims_before, positions_ws)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
     relaxed_trunk[:] = st.turns[0]
     relaxed_pelvis[:] = st.points[0]
     keep_head(st, under)
 
     # The body together.
-    untouched = over and nothing_driven(st, flags, held, goals, arms)
+    untouched = over and nothing_driven(held, ways, ways_turned)
     size = agree(
         rig, gains, st, held, under, contacts, untouched, arms, flags, mass_share, hull, center, rotations_ls,
         positions_ws, rotations_ws,
     )  # fmt: skip
-    by_itself = flags[0] < 0.5 and held.flags[5] < 0.5 and not stepping and not over
-    if by_itself and hold_back(
-        rig, gains, st, under, flags, aims_before, relaxed_pelvis, relaxed_trunk, positions_ws, dt
+    if not (stepping or untouched) and hold_back(
+        rig, gains, st, held, under, flags, aims_before, relaxed_pelvis, relaxed_trunk, positions_ws, dt
     ):  # fmt: skip
         reconstruct_into(
             rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
@@ -151,7 +162,7 @@ def advance(
         rotations_ws,
     )  # fmt: skip
     hang_free_hands(rig, st, flags, arms, positions_ws)
-    measure_ways(rig, gains, st, flags, aims_before, before, positions_ws, moved, dt)
+    measure_ways(rig, gains, st, over, flags, aims_before, before, positions_ws, moved, dt)
     avoid(
         rig, gains, st, under, contacts, untouched, flags, swivels_before, plain, moved, rotations_ls, positions_ws,
         rotations_ws, dt,
@@ -160,6 +171,8 @@ def advance(
         rig, st, held, flags, before, trunk_before[0], carried[0], relaxed_trunk, relaxed_pelvis, arms, goals,
         goal_turns, positions_ws, max(dt, LEAST_SPAN),
     )  # fmt: skip
+    if over:
+        remember_ways(st, ways_before, turned_before, goals, goal_turns, max(dt, LEAST_SPAN))
     center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
     return size
 
@@ -218,7 +231,9 @@ def change_base(st: State, under: Under, goals: Array, goal_turns: Array) -> Non
 
 
 @kernel
-def move_turns(gains: Gains, st: State, held: Held, goal_turns: Array, trunk_before: Array, dt: float) -> None:
+def move_turns(
+    gains: Gains, st: State, held: Held, over: bool, goal_turns: Array, ways: Array, trunk_before: Array, dt: float
+) -> None:
     """Trunk and head; ``trunk_before`` (2, 4) is written: as they were, taken along with their rest."""
     for n in range(2):
         carry_turn(st.turns[n], st.goal_turns[n], goal_turns[n])
@@ -228,6 +243,8 @@ def move_turns(gains: Gains, st: State, held: Held, goal_turns: Array, trunk_bef
                 held.turns[n], st.target_turns[n], st.held[5 + n] < 0.5, st.turns[n], st.spins[n],
                 st.turn_offsets[n], st.turn_offset_rates[n], FASTEST_TURN, gains.half_life, dt,
             )  # fmt: skip
+        elif over:
+            ease_turn(ways[n], st.spins[n], goal_turns[n], gains.motion_half_life, dt, st.turns[n])
         else:
             relax_turn(
                 st.turns[n], st.spins[n], goal_turns[n], gains.relax_trunk, gains.relax_time, gains.ease_time, dt
@@ -237,8 +254,8 @@ def move_turns(gains: Gains, st: State, held: Held, goal_turns: Array, trunk_bef
 
 @kernel
 def move_pelvis(
-    rig: Rig, gains: Gains, st: State, held: Held, over: bool, goals: Array, positions_ws: Array, carried: Array,
-    flags: Array, dt: float,
+    rig: Rig, gains: Gains, st: State, held: Held, over: bool, goals: Array, ways: Array, positions_ws: Array,
+    carried: Array, flags: Array, dt: float,
 ) -> None:  # fmt: skip
     """The pelvis; a free one comes back over its feet, or to where it was let go.
 
@@ -256,8 +273,10 @@ def move_pelvis(
             st.offsets[0], st.offset_rates[0], gains.input_speed, gains.half_life, dt,
         )  # fmt: skip
         st.points[0] = st.aims[0]
+    elif over:
+        ease_point(ways[0], st.velocities[0], goals[0], gains.motion_half_life, dt, st.points[0])
     else:
-        if st.held[0] > 0.5 and not stepping and not over:
+        if st.held[0] > 0.5 and not stepping:
             for k in range(3):
                 st.pelvis_rest[k] += st.points[0, k] - goals[0, k]
                 goals[0, k] = st.points[0, k]
@@ -267,7 +286,7 @@ def move_pelvis(
         wanted, calm = np.empty(3), 1.0
         wanted_velocity(st.points[0], goals[0], gains.relax_reach, gains.relax_time, wanted)
         for side in range(2):
-            if st.planted[side] > 0.5 and not over:
+            if st.planted[side] > 0.5:
                 pace = knee_pace(rig, 2 + side, positions_ws[rig.limbs[2 + side, 0]], st.points[3 + side], wanted)
                 calm = min(calm, max(0.05, pace))
         relax_point(
@@ -288,8 +307,8 @@ def hang_free_hands(rig: Rig, st: State, flags: Array, arms: Array, positions_ws
 
 @kernel
 def measure_ways(
-    rig: Rig, gains: Gains, st: State, flags: Array, aims_before: Array, before: Array, positions_ws: Array,
-    moved: Array, dt: float,
+    rig: Rig, gains: Gains, st: State, over: bool, flags: Array, aims_before: Array, before: Array,
+    positions_ws: Array, moved: Array, dt: float,
 ) -> None:  # fmt: skip
     """How far each limb's goal has moved (4, m): what touches something slides about as fast."""
     for limb in range(4):
@@ -300,8 +319,10 @@ def measure_ways(
             else:
                 root = positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
                 way += (st.points[1 + limb, k] - before[1 + limb, k] - root) ** 2
-        # What is free moves only as fast as it relaxes.
-        moved[limb] = sqrt(way) if flags[1 + limb] > 0.5 else min(sqrt(way), FREE_WAY * gains.relax_ends * dt)
+        moved[limb] = sqrt(way)
+        if flags[1 + limb] < 0.5 and not over:
+            # What is free moves only as fast as it relaxes.
+            moved[limb] = min(moved[limb], FREE_WAY * gains.relax_ends * dt)
 
 
 @kernel

@@ -46,8 +46,8 @@ class Gains(NamedTuple):
     """Half-life of what a grab, a release or a jump of the target leaves to even out."""
     swivel_half_life: float = 0.04
     """Half-life with which elbows and knees follow their swivel."""
-    input_speed: float = 6.0
-    """m/s: a target that moves faster has jumped, and the jump is evened out."""
+    input_speed: float = 12.0
+    """m/s up to which a held part is right under its target; what is twice as fast has jumped and is evened out."""
     turn_speed: float = 2.5
     """rad/s at which the figure turns."""
     margin: float = 0.02
@@ -64,6 +64,8 @@ class Gains(NamedTuple):
     """s that every phase of a step takes at least."""
     step_pace: float = 0.40
     """s/m added for its length."""
+    motion_half_life: float = 0.15
+    """Half-life of what a touch leaves between a motion and the figure that is laid over it."""
 
 
 TRUNK_LEAN = np.radians([80.0, 30.0, 38.0])
@@ -84,6 +86,7 @@ class State(NamedTuple):
     swivels: Array  # (4,) rad, as put out
     extra: Array  # (4,) rad beyond the motion's own swivel
     extra_rates: Array  # (4,)
+    examples: Array  # (4,) rad, the examples' swivels at the last step
     pushes: Array  # (4,) rad by which self-collision turns the elbows and knees
     feet: Array  # (2, 4) world orientation of the feet where they stand
     feet_level: Array  # (2,)
@@ -111,7 +114,7 @@ class State(NamedTuple):
     step: Array  # (32,) see bunraku.nodes.controller.step
 
 
-STATE_SIZE = 277
+STATE_SIZE = 281
 """Numbers in a state."""
 
 
@@ -127,30 +130,31 @@ def unpack_state(b: Array) -> State:
         b[48:52],
         b[52:56],
         b[56:60],
-        b[60:68].reshape(2, 4),
-        b[68:70],
-        b[70:72],
-        b[72:78].reshape(2, 3),
-        b[78:80],
-        b[80:82],
-        b[82:94].reshape(4, 3),
-        b[94:109].reshape(5, 3),
-        b[109:117].reshape(2, 4),
-        b[117:129],
-        b[129:144].reshape(5, 3),
-        b[144:159].reshape(5, 3),
-        b[159:167].reshape(2, 4),
-        b[167:182].reshape(5, 3),
-        b[182:197].reshape(5, 3),
-        b[197:203].reshape(2, 3),
-        b[203:209].reshape(2, 3),
-        b[209:212],
-        b[212:224].reshape(4, 3),
-        b[224:228],
-        b[228:240].reshape(4, 3),
-        b[240:242],
-        b[242:245],
-        b[245:277],
+        b[60:64],
+        b[64:72].reshape(2, 4),
+        b[72:74],
+        b[74:76],
+        b[76:82].reshape(2, 3),
+        b[82:84],
+        b[84:86],
+        b[86:98].reshape(4, 3),
+        b[98:113].reshape(5, 3),
+        b[113:121].reshape(2, 4),
+        b[121:133],
+        b[133:148].reshape(5, 3),
+        b[148:163].reshape(5, 3),
+        b[163:171].reshape(2, 4),
+        b[171:186].reshape(5, 3),
+        b[186:201].reshape(5, 3),
+        b[201:207].reshape(2, 3),
+        b[207:213].reshape(2, 3),
+        b[213:216],
+        b[216:228].reshape(4, 3),
+        b[228:232],
+        b[232:244].reshape(4, 3),
+        b[244:246],
+        b[246:249],
+        b[249:281],
     )
 
 
@@ -190,16 +194,16 @@ class Under(NamedTuple):
 
 def under_size(joints: int) -> int:
     """Numbers in an `Under` of so many joints."""
-    return 89 + 8 * joints
+    return 91 + 8 * joints
 
 
 @kernel
 def unpack_under(b: Array, joints: int) -> Under:
     """What the stack is laid over, as views of a buffer of `under_size` numbers."""
-    k = 89
+    k = 91
     base = Base(
         b[k : k + 4 * joints].reshape(joints, 4), b[k + 4 * joints : k + 8 * joints].reshape(joints, 4),
-        b[50:82].reshape(4, 2, 4), b[82:86],
+        b[50:82].reshape(4, 2, 4), b[82:86], b[89:91],
     )  # fmt: skip
     return Under(
         b[0:1], base, b[1:16].reshape(5, 3), b[16:24].reshape(2, 4), b[24:28], b[28:36].reshape(2, 4), b[36:38],
@@ -237,4 +241,5 @@ def unpack_gains(b: Array) -> Gains:
         b[23],
         b[24],
         b[25],
+        b[26],
     )

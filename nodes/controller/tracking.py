@@ -28,6 +28,12 @@ SHORTEST = 1.0 / 120.0
 
 
 @kernel
+def jump_share(moved: float, most: float) -> float:
+    """The share (0..1) of a target's movement that counts as a jump: none up to ``most``, all from twice that."""
+    return min(1.0, max(0.0, moved / max(most, 1e-9) - 1.0))
+
+
+@kernel
 def follow_point(
     target: Array, before: Array, grabbed: bool, x: Array, aim: Array, velocity: Array, offset: Array,
     rate: Array, fastest: float, half_life: float, dt: float,
@@ -39,7 +45,7 @@ def follow_point(
         x: (3) m, where the point is; it counts when it is grabbed.
         aim: (3) m, where it was wanted; it is brought up to date.
         velocity: (3) m/s that it had; it is brought up to date.
-        fastest: m/s; a target that moves faster has jumped, and the jump goes into the offset.
+        fastest: m/s; of a target that moves faster, ever more has jumped and goes into the offset (`jump_share`).
     """
     moved = 0.0
     for k in range(3):
@@ -49,10 +55,9 @@ def follow_point(
             rate[k] = velocity[k]
             before[k] = target[k]
         moved += (target[k] - before[k]) ** 2
-    moved = sqrt(moved)
-    if moved > fastest * max(dt, SHORTEST):
-        for k in range(3):
-            offset[k] -= target[k] - before[k]
+    jumped = jump_share(sqrt(moved), fastest * max(dt, SHORTEST))
+    for k in range(3):
+        offset[k] -= jumped * (target[k] - before[k])
     spring_decay_into(offset, rate, half_life, dt)
     for k in range(3):
         new = target[k] + offset[k]
@@ -78,10 +83,9 @@ def follow_turn(
             before[k] = target[k]
     mul_inv(target, before, q)
     log(q, v)
-    moved = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    if moved > fastest * max(dt, SHORTEST):
-        for k in range(3):
-            offset[k] -= v[k]
+    jumped = jump_share(sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), fastest * max(dt, SHORTEST))
+    for k in range(3):
+        offset[k] -= jumped * v[k]
     spring_decay_into(offset, rate, half_life, dt)
     new = np.empty(4)
     quat_exp(offset, q)

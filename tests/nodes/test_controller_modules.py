@@ -295,10 +295,10 @@ def test_pelvis_comes_down_to_what_the_legs_reach() -> None:
     hips = np.array([[0.095, -0.035, 0.0], [-0.095, -0.035, 0.0]])
     feet = np.array([UNTURNED, UNTURNED])
     pelvis = np.array([0.0, 1.3, 0.0])
-    keep_pelvis_over_feet(RIG, RIG.reach[:, 1], pelvis, hips, points, feet, np.ones(2), 0.55, False, True)
+    keep_pelvis_over_feet(RIG, RIG.reach[:, 1], pelvis, hips, points, feet, np.ones(2), 0.55, False, True, True)
     np.testing.assert_allclose(pelvis, [0.0, 0.085 + RIG.reach[2, 1] + 0.035, 0.0], atol=1e-5)
     pelvis = np.array([0.0, 0.1, 0.0])
-    keep_pelvis_over_feet(RIG, RIG.reach[:, 1], pelvis, hips, points, feet, np.ones(2), 0.55, False, True)
+    keep_pelvis_over_feet(RIG, RIG.reach[:, 1], pelvis, hips, points, feet, np.ones(2), 0.55, False, True, True)
     assert pelvis[1] > 0.5
     assert pelvis[2] < -0.05  # the seat goes back, for shins lean only so far
 
@@ -425,7 +425,7 @@ def test_packed_records_come_back() -> None:
     state = unpack_state(buffer)
     numbers = np.concatenate([a.ravel() for a in state])
     np.testing.assert_array_equal(numbers, np.arange(len(numbers)))  # every number once, in order
-    under = unpack_under(np.arange(89.0 + 8 * 21), 21)
+    under = unpack_under(np.arange(91.0 + 8 * 21), 21)
     flat = [a for a in under if isinstance(a, np.ndarray)] + list(under.base)
-    assert sorted(np.concatenate([a.ravel() for a in flat])) == list(range(89 + 8 * 21))
+    assert sorted(np.concatenate([a.ravel() for a in flat])) == list(range(91 + 8 * 21))
     assert sqrt(under.base.rotations_ls.size) == sqrt(84)
