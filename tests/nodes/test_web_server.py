@@ -388,7 +388,7 @@ def test_ten_megabytes_end_their_page_only(house: House) -> None:
             await played(house, good, 20)
 
     run(work())
-    assert ("bad00001", "") in house.gone
+    house.wait(lambda: ("bad00001", "") in house.gone)
 
 
 def test_a_flood_ends_its_page_only(house: House) -> None:
@@ -409,7 +409,7 @@ def test_a_flood_ends_its_page_only(house: House) -> None:
     run(work())
     assert house.server.counts["flooded"] == 1
     assert len([one for one in house.inputs if one[0] == "bad00001"]) < 2000
-    assert ("bad00001", "") in house.gone
+    house.wait(lambda: ("bad00001", "") in house.gone)
 
 
 # -- what pages hear ----------------------------------------------------------------------------------------------
@@ -513,7 +513,7 @@ def test_a_page_that_comes_again_takes_its_old_place(house: House) -> None:
                 await asyncio.to_thread(house.wait, lambda: len(house.inputs) == 2)
 
     run(work())
-    assert len(house.gone) == 2
+    house.wait(lambda: len(house.gone) == 2)
 
 
 def test_calls_are_answered_or_refused_with_the_reason(house: House) -> None:
