@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
 import numpy as np
@@ -64,6 +64,7 @@ class Player(Node):
         self.floor: Floor | None = None
         self.sights: deque[Sight] = deque(maxlen=60)
         self.known = 0
+        self.taken_in: tuple[int, Array, Route] | None = None
         self.passed: set[int] = set()
         self.crossed: set[int] = set()
         self.paces: dict[int, deque[float]] = {}
@@ -172,8 +173,11 @@ class Player(Node):
     # The way
 
     def route(self, sight: Sight) -> Route:
-        """The way as far as it was seen so far."""
-        return route_of(sight.tiles[: max(self.known, 2)])
+        """The way as far as it was seen so far; it is taken in once and then moves with the picture."""
+        if self.taken_in is None or self.taken_in[0] != self.known:
+            self.taken_in = (self.known, sight.tiles[0, 0], route_of(sight.tiles[: max(self.known, 2)]))
+        _, corner, way = self.taken_in
+        return replace(way, places=way.places + (sight.tiles[0, 0] - corner))
 
     def whole(self, sight: Sight) -> bool:
         """Whether the goal was seen."""

@@ -8,10 +8,12 @@ by device messages only; no person took part. Writes the tables (table.md) and e
 """
 
 import argparse
+import contextlib
 import json
+import multiprocessing
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -177,6 +179,15 @@ def sensitivity_table(results: dict[str, list[Run]], seeds: int) -> list[str]:
     return lines
 
 
+Job = tuple[str, str, int, bool, int]
+"""Name of the users' change, device, stage, obstacles, seed."""
+
+
+def _job(job: Job) -> Run:
+    name, device, stage, obstacles, seed = job
+    return perform(device, stage, obstacles, seed, CHANGES.get(name))
+
+
 def play(device: str, seed: int) -> int:
     """One user at the course that a launch file runs now, in the place of the device node."""
     from bunraku.runtime.loop import run_node
@@ -190,6 +201,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=20, help="simulated users (default 20)")
     parser.add_argument("--stage", type=int, choices=(1, 2, 3, 4), help="one stage only")
     parser.add_argument("--sensitivity", type=int, default=4, help="users a cell of the other table, 0 for none")
+    parser.add_argument("--jobs", type=int, default=1, help="processes that share the work (default 1)")
     parser.add_argument("-o", "--output", type=Path, default=Path("study-pen"), help="folder to write (study-pen)")
     parser.add_argument("--json", action="store_true", help="print every run instead of the tables")
     parser.add_argument("--play", choices=tuple(DEVICES), help="play the running course with this device, in its place")
@@ -197,21 +209,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     if args.play:
         return play(args.play, args.seed)
-    if args.seeds < 1 or args.sensitivity < 0:
-        print("bunraku study pen: --seeds counts users (at least 1), --sensitivity too (0 for none)", file=sys.stderr)
+    if args.seeds < 1 or args.sensitivity < 0 or args.jobs < 1:
+        print(
+            "bunraku study pen: --seeds counts users (at least 1), --sensitivity too (0 for none), --jobs processes",
+            file=sys.stderr,
+        )
         return 2
     numbers = [args.stage] if args.stage else [1, 2, 3, 4]
     names = list(CHANGES) if args.sensitivity and not args.stage else []
-    jobs = [("as stated", device, stage, obstacles, seed) for stage in numbers for obstacles in (False, True)
+    jobs: list[Job] = [("as stated", device, stage, obstacles, seed) for stage in numbers for obstacles in (False, True)
             for device in DEVICES for seed in range(args.seeds)]  # fmt: skip
     jobs += [(name, device, stage, True, seed) for name in names for stage in numbers for device in DEVICES
              for seed in range(args.sensitivity)]  # fmt: skip
     results: dict[str, list[Run]] = {"as stated": []}
     begun = time.monotonic()
-    with Progress("walking") as progress:
-        for number, (name, device, stage, obstacles, seed) in enumerate(jobs):
-            progress(number, len(jobs), f"{device}, stage {stage}")
-            results.setdefault(name, []).append(perform(device, stage, obstacles, seed, CHANGES.get(name)))
+    with Progress("walking") as progress, contextlib.ExitStack() as stack:
+        done: Iterable[Run] = map(_job, jobs)
+        if args.jobs > 1:
+            done = stack.enter_context(multiprocessing.get_context("fork").Pool(args.jobs)).imap(_job, jobs)
+        for number, (job, run) in enumerate(zip(jobs, done, strict=True)):
+            progress(number, len(jobs), f"{run.device}, stage {run.stage}")
+            results.setdefault(job[0], []).append(run)
     minutes = (time.monotonic() - begun) / 60.0
     runs = results["as stated"]
     lines = table(runs, args.seeds)
