@@ -2,15 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, sin
+from math import cos, hypot, sin
 from typing import Any, TypeGuard
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.skeleton import Skeleton
-from bunraku.motion.constraint import Ground, Path, path_of, wrapped
+from bunraku.motion.constraint import Path, path_of, wrapped
 from bunraku.motion.footlock import LOCKED
 from bunraku.motion.motionset import MotionSet
 from bunraku.motion.player import Pace, Player, Transition
@@ -20,13 +19,14 @@ from bunraku.msgs import (
     Jump,
     Locomotion,
     Overlay,
-    Primitive,
     Stand,
     Step,
     Turn,
     WalkGesture,
 )
-from bunraku.nodes.blender.relief import relief
+from bunraku.nodes.blender.moves import FACED, NEAR, Moves
+from bunraku.nodes.blender.parts import WALKS, joints_of
+from bunraku.nodes.blender.showing import PRINTS, Print, overlay
 
 Array = NDArray[np.float64]
 
@@ -34,44 +34,12 @@ REMEMBERED = 48
 """Ids of finished commands that are kept, so that hearing one again does nothing."""
 MOST_WAITING = 16
 """Commands that may wait; of more the oldest is dropped."""
-NEAR = 0.03
-"""m: a goal that the figure has reached."""
-FACED = 0.03
-"""rad: a heading that it has."""
 ASIDE = 0.87
 """rad: a standing figure turns toward a path that begins farther off its heading than this."""
 JOIN = 0.6
 """m: a new path that begins within this of the old one's end is walked after it, else instead of it."""
 DRIVEN = -1
 """Instead of a command's id: the figure is driven."""
-PRINTS = 10
-"""Footprints drawn."""
-PATH_COLOR = (0.95, 0.65, 0.10, 0.9)
-LEFT_COLOR = (0.11, 0.54, 0.58, 0.55)
-RIGHT_COLOR = (0.90, 0.42, 0.30, 0.55)
-
-_ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
-_LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
-_BACK = ("spine", "chest", "upperChest")
-_PARTS: dict[str, tuple[str, ...]] = {
-    "left_arm": tuple("left" + part for part in _ARM),
-    "right_arm": tuple("right" + part for part in _ARM),
-    "left_leg": tuple("left" + part for part in _LEG),
-    "right_leg": tuple("right" + part for part in _LEG),
-    "trunk": _BACK,
-    "head": ("neck", "head"),
-}
-_PARTS["lower"] = ("hips", *_PARTS["left_leg"], *_PARTS["right_leg"])
-_PARTS["upper"] = (*_PARTS["left_arm"], *_PARTS["right_arm"], *_BACK, *_PARTS["head"])
-_WALKS = {"whole", "lower", "left_leg", "right_leg"}
-"""A command that takes the figure somewhere moves at least one of these."""
-
-
-def joints_of(skeleton: Skeleton, body: list[str]) -> list[int] | None:
-    """The joints that a command's ``body`` names; None for all."""
-    if "whole" in body:
-        return None
-    return [skeleton.roles[role] for part in body for role in _PARTS[part] if role in skeleton.roles]
 
 
 @dataclass
@@ -98,9 +66,9 @@ class BlenderCore:
         self.done: list[int] = []
         self.current: int | None = None
         self.walk: _Walk | None = None
-        self.prints: list[tuple[int, list[float]]] = []
+        self.prints: list[Print] = []
         self._modes = (0, 0)
-        self._reach = self.player.reach
+        self.moves = Moves(self.player, self.say)
 
     def reset(self, x: float, z: float, heading: float) -> None:
         """Stand upright at a place, with nothing to do."""
@@ -148,7 +116,7 @@ class BlenderCore:
         body = [str(part) for part in command.body]
         if not isinstance(command, Locomotion | WalkGesture | Stand | Step | Jump | Turn):
             return  # hand poses and actions are for others
-        if not isinstance(command, Stand) and not _WALKS.intersection(body):
+        if not isinstance(command, Stand) and not WALKS.intersection(body):
             self.say(f"{type(command).__name__.lower()} {command.id} moves no leg (body {', '.join(body)}): ignored")
             return
         if isinstance(command, Stand):
@@ -245,7 +213,7 @@ class BlenderCore:
             aside = self._aside(path)
             if abs(aside) > ASIDE and "turn_left" in player.voices and "turn_right" in player.voices:
                 self.waiting.insert(0, command)
-                self._turn(player.place.heading + aside)
+                self.moves.turn(player.place.heading + aside)
                 return
         heading = command.heading if isinstance(command, Locomotion) else None
         self.walk = _Walk(command.id, gait, path.end, heading)
@@ -323,113 +291,16 @@ class BlenderCore:
         self.player.engage(joints_of(self.skeleton, [str(part) for part in command.body]))
         self.current = command.id
         if isinstance(command, Turn):
-            return self._turn(command.heading)
+            return self.moves.turn(command.heading)
         if isinstance(command, Step):
-            if command.heading is not None and self._step_left(command) < NEAR:
-                return self._turn(command.heading)
-            return self._step(command) or command.heading is not None
+            if command.heading is not None and self.moves.left_of(command) < NEAR:
+                return self.moves.turn(command.heading)
+            return self.moves.step(command) or command.heading is not None
         if isinstance(command, Jump):
-            self._jump(command)
+            self.moves.jump(command)
         elif isinstance(command, WalkGesture):
-            self._gesture_jump(command)
+            self.moves.gesture(command)
         return False
-
-    def _turn(self, heading: float) -> bool:
-        """Turn toward a heading; True where more than one turn is needed."""
-        here = self.player.place
-        angle = wrapped(heading - here.heading)
-        name = "turn_left" if angle > 0 else "turn_right"
-        if abs(angle) < FACED or name not in self.player.voices:
-            return False
-        most = max(abs(v) for v in self._reach[name])
-        # Large turns are made in equal parts.
-        parts = max(1, int(np.ceil((abs(angle) - 0.02) / (1.08 * most))))
-        part = angle / parts
-        self.player.move(name, [part], Ground(here.x, here.z, here.heading + part))
-        return parts > 1
-
-    def _step_left(self, command: Step) -> float:
-        here = self.player.place
-        return hypot(command.goal[0] - here.x, command.goal[2] - here.z)
-
-    def _step(self, command: Step) -> bool:
-        """Step toward a goal; True where more than one step is needed."""
-        here = self.player.place
-        left, ahead = here.seen(command.goal[0], command.goal[2])
-        distance, angle = hypot(left, ahead), atan2(left, ahead)
-        if distance < NEAR:
-            return False
-        # Straight ahead or back the foot goes first that went second before.
-        side = "left" if (left > 0.12 * distance or (abs(left) <= 0.12 * distance and len(self.done) % 2)) else "right"
-        name = f"step_{side}"
-        if name not in self.player.voices:
-            self.say(f"the motion set has no module {name}: step {command.id} is not made")
-            return False
-        most = self._farthest(name, angle)
-        parts = max(1, int(np.ceil((distance - 0.02) / most)))
-        part = distance / parts
-        end = here.after(part * sin(angle), part * cos(angle), 0.0)
-        self.player.move(name, [angle, part], end)
-        return parts > 1
-
-    def _farthest(self, name: str, angle: float) -> float:
-        """The longest way that a module covers in a direction, m."""
-        weights = self.player.voices[name].weights
-        low, high = 0.0, 1.2 * self._reach[name][1]
-        if weights.within([angle, high]):
-            return high
-        for _ in range(12):
-            middle = 0.5 * (low + high)
-            if weights.within([angle, middle]):
-                low = middle
-            else:
-                high = middle
-        return max(low, 0.15)
-
-    def _jump(self, command: Jump) -> None:
-        player, here = self.player, self.player.place
-        heading = here.heading if command.heading is None else command.heading
-        if command.goal is None or hypot(command.goal[0] - here.x, command.goal[2] - here.z) < NEAR:
-            self._jump_up(0.35 * player.scale if command.height is None else command.height, heading)
-            return
-        left, ahead = here.seen(command.goal[0], command.goal[2])
-        distance, angle = hypot(left, ahead), atan2(left, ahead)
-        quarter = ("jump_forward", "jump_left", "jump_back", "jump_right")[round(angle / (0.5 * pi)) % 4]
-        if quarter not in player.voices:
-            quarter = "jump_forward" if "jump_forward" in player.voices else ""
-        if not quarter:
-            self.say(f"the motion set has no directional jump: jump {command.id} is not made")
-            return
-        far = self._farthest(quarter, angle)
-        if distance > 1.5 * far:
-            self.say(f"jump {command.id} asks for {distance:.2f} m, {1.5 * far:.2f} m is the most: it falls short")
-            distance = 1.5 * far
-        end = here.after(distance * sin(angle), distance * cos(angle), wrapped(heading - here.heading))
-        player.move(quarter, [angle, min(distance, far)], end)
-
-    def _jump_up(self, height: float, heading: float) -> None:
-        player, here = self.player, self.player.place
-        if "jump_up" in player.voices:
-            player.move("jump_up", [height], Ground(here.x, here.z, heading))
-
-    def _gesture_jump(self, command: WalkGesture) -> None:
-        name = f"canonical/{command.gait}"
-        here = self.player.place
-        voice = self.player.voices.get(name)
-        if voice is None:
-            self.say(f"the motion set has no canonical clip {command.gait!r}: gesture {command.id} is not made")
-            return
-        end = here
-        if command.gait != "jump_up" and len(command.path) > 1:
-            x, z = command.path[-1]
-            end = Ground(x, z, atan2(x - here.x, z - here.z) if hypot(x - here.x, z - here.z) > 0.1 else here.heading)
-            if abs(wrapped(end.heading - here.heading)) > 0.6:
-                end = Ground(x, z, here.heading)
-        elif command.gait != "jump_up":
-            end = here.after(0.0, float(voice.weights.table.center[0]), 0.0)
-        self.player.move(name, voice.weights.table.center, end)
-
-    # Showing
 
     def _note_prints(self) -> None:
         state = self.player.state
@@ -440,34 +311,8 @@ class BlenderCore:
         self._modes = (int(state.mode[0]), int(state.mode[1]))
 
     def overlay(self) -> Overlay:
-        """The rest of the path, the last footprints, and what uneven ground is like."""
-        here, ground = self.player.place, self.player.ground
-        drawn = [] if ground is None else relief(ground, here.x, here.z)
-        for side, (x, y, z, yaw, _slope) in self.prints:
-            _, heel, ball = (float(v) for v in self.player.feet.soles[side])
-            tip = ball + 0.55 * (ball - heel)
-            wide = 0.21 * (ball - heel)
-            corners = (
-                (-0.7 * wide, heel),
-                (0.7 * wide, heel),
-                (wide, ball),
-                (0.6 * wide, tip),
-                (-0.6 * wide, tip),
-                (-wide, ball),
-            )
-            c, s = cos(yaw), sin(yaw)
-            points: list[tuple[float, ...]] = [(x + a * c + b * s, y + 0.004, z - a * s + b * c) for a, b in corners]
-            drawn.append(Primitive(kind="polygon", points=points, color=LEFT_COLOR if side == 0 else RIGHT_COLOR))
-        path = self.player.path
-        if path is not None:
-            at = np.linspace(self.player.s, path.end, min(max(2, int((path.end - self.player.s) / 0.08)), 240))
-            line: list[tuple[float, ...]] = []
-            for one in at:
-                px, pz, _ = path.at(float(one))
-                height = 0.0 if self.player.ground is None else self.player.ground(px, pz)
-                line.append((px, height + 0.006, pz))
-            drawn.append(Primitive(kind="line", points=line, color=PATH_COLOR, size=0.02))
-        return Overlay(primitives=drawn)
+        """What is drawn of all this."""
+        return overlay(self.player, self.prints)
 
     # Save and restore
 
@@ -482,6 +327,7 @@ class BlenderCore:
                 "current": self.current,
                 "walk": None if walk is None else [walk.id, walk.gait, walk.end, walk.heading],
                 "prints": self.prints,
+                "odd": self.moves.odd,
             }
         )
 
@@ -497,6 +343,7 @@ class BlenderCore:
             self.current = saved["current"]
             self.walk = None if saved["walk"] is None else _Walk(*saved["walk"])
             self.prints = [(int(side), [float(v) for v in row]) for side, row in saved["prints"]]
+            self.moves.odd = bool(saved["odd"])
             self._modes = (int(self.player.state.mode[0]), int(self.player.state.mode[1]))
         except (msgspec.MsgspecError, KeyError, TypeError, IndexError) as error:
             raise ValueError(f"not a saved blender: {error}") from None
