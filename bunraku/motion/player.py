@@ -27,6 +27,9 @@ from bunraku.motion.voice import Voice, posed, reach_of, voices
 
 Array = NDArray[np.float64]
 
+LAST = 0.5
+"""m before a path's end where the last steps begin."""
+
 
 @dataclass
 class _Move:
@@ -151,6 +154,8 @@ class Player:
         else:
             x, z, heading = self.place.x, self.place.z, self.place.heading
             s = path.nearest(x, z)
+        if going and not self.gait and path.end - s < LAST * self.scale:
+            gait = ""  # its last steps are under way, heard again or not
         self.path, self.s, self.gait, self.ending = path, s, gait, complete
         px, pz, ph = path.at(s)
         self._slip[:] = x - px, z - pz, wrapped(heading - ph)
@@ -297,7 +302,7 @@ class Player:
         rate = 1.0
         if self.gait:
             rate = max(self.speed / natural, 0.35)
-            if natural > 2.0 * self.speed and room < 0.5 * self.scale:
+            if natural > 2.0 * self.speed and room < LAST * self.scale:
                 self.gait = ""  # the last steps are made by the module that can slow down
                 playing.switch(self._going(), self._asked_on_path(self.speed), playing.u)
                 voice, rate = playing.voice, 1.0
@@ -313,7 +318,7 @@ class Player:
         # The last footfall comes when the end does.
         before = playing.u
         half = 0.5 if before < 0.5 else 1.0
-        if room < 0.5 * self.scale and not self.gait:
+        if room < LAST * self.scale and not self.gait:
             left = playing.seconds(half)
             eta = sqrt(2.0 * room / (pace.brake * self.scale))
             rate = min(max(left / max(eta, 1e-3), 0.8), 1.35)
