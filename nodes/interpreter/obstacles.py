@@ -28,6 +28,8 @@ CROSSING = 0.35
 """m/s across the path from which something is given time to pass instead of being gone round."""
 PACES = (1.0, 0.85, 1.15, 0.7, 1.35, 0.5, 1.6, 0.3, 0.12, 0.02)
 """Shares of the speed that are tried, so that what crosses the path has passed, or not yet come."""
+HOME = 0.6
+"""m before a path's end in which a bulge goes back to it."""
 CARE = 0.7
 """Share of the speed that is kept beside an obstacle."""
 MOST = 64
@@ -208,6 +210,8 @@ def detour(
             half = max(2.2 * clear, 2.5 * lack)
             share = np.abs(ahead - ahead[k]) / half
             bulge = np.where(share < 1.0, 0.5 + 0.5 * np.cos(pi * np.minimum(share, 1.0)), 0.0) * (ahead > 0.0)
+            if away[-1] >= clear:  # the end stays where it was drawn
+                bulge = bulge * np.clip((ahead[-1] - ahead) / HOME, 0.0, 1.0)
             out += bulge[:, None] * (side * lack) * left
             free = np.minimum(free, 1.0 - (1.0 - CARE) * bulge)
             moved = True
