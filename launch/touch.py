@@ -14,11 +14,12 @@ def launch(
     window: Literal["auto", "on", "off"] = "auto",
     record: str = "",
     film: str = "",
+    sheet: str = "",
 ) -> list[NodeSpec]:
     """Touch and drag the figure: on the page, a TUIO table, a touch screen, or by a written performance.
 
     source:=web prints the page's link; port:= is TUIO's; script:= is a performance (.touch); page:=true serves the
-    page beside another source; record:= and film:= name the bag and the mp4 to write.
+    page beside another source; record:=, film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
     """
     drivers = [source, "web"] if page and source != "web" else [source]
     touch: dict[str, object] = {"drivers": drivers, "port": port}
@@ -31,8 +32,9 @@ def launch(
     ]
     if "web" in drivers:
         specs.append(node("web", params={"lan": lan}, respawn=True))
-    if film or window != "off":
-        specs.append(node("renderer", params={"output": film, "window": window, "fps": 60}, stop=60.0))
+    if film or sheet or window != "off":
+        shots = {"output": film, "sheet": sheet, "window": window, "fps": 60}
+        specs.append(node("renderer", params=shots, stop=60.0))
     if record or "web" in drivers:  # the page asks it for takes
         specs.insert(0, node("recorder", params={"output": record}, respawn=True, stop=20.0))
     return specs

@@ -4,7 +4,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bunraku.figure.camera import Orbit, look_at, metres_per_height, orbit_from, project, ray
@@ -669,3 +669,37 @@ def test_fingers_that_rest_on_nothing_do_not_hold_a_drag_up(resting: int) -> Non
             table.fingers[10 + key] = (0.05 + 0.03 * key + 0.0002 * (-1) ** k, 0.9)
         table.drag(1, (x + 0.02 * share, y - 0.06 * share), 1.0 / HZ)
     assert np.array(table.target.left_hand) == pytest.approx(np.array(alone.target.left_hand), abs=0.02)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_wild_fingers_give_whole_targets_within_bounds(seed: int) -> None:
+    """Fingers that jump about and off the picture, come and go, and turn the view meanwhile."""
+    rng = np.random.default_rng(seed)
+    table = Table()
+    parts = sorted(JOINTS)
+    for key in range(4):
+        table.down(key, table.place(str(rng.choice(parts))) if key < 3 else (0.05, 0.3))
+    for _ in range(40):
+        table.stage.advance(float(rng.choice([0.0, 1e-4, 1 / 120, 1 / 30, 0.5])))
+        for key in list(table.fingers):
+            x, y = table.fingers[key] + rng.normal(0.0, rng.choice([0.002, 0.05, 0.6]), 2)
+            table.fingers[key] = (float(np.clip(x, 0.0, 1.0)), float(np.clip(y, 0.0, 1.0)))
+        table.frame()
+        table.pose(FIGURE.rest_pose()[0] + rng.normal(0.0, 0.05, 3))
+        for name in table.held():
+            value = np.atleast_1d(getattr(table.target, name))
+            assert np.isfinite(value).all()
+            if name in ("trunk", "head"):
+                assert np.linalg.norm(value) == pytest.approx(1.0, abs=1e-6)
+            elif name != "yaw":
+                assert np.linalg.norm(value - [0.0, 1.0, 0.0]) < RULES.far + 1.5
+        position = np.array(table.camera.position)
+        assert np.isfinite(position).all()
+        assert 0.5 < np.linalg.norm(position) < 25.0
+        if rng.random() < 0.1 and table.fingers:
+            table.up(int(rng.choice(list(table.fingers))))
+        if rng.random() < 0.1:
+            key = int(rng.integers(0, 8))
+            if key not in table.fingers:
+                table.down(key, table.place(str(rng.choice(parts))))
