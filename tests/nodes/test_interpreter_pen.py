@@ -318,6 +318,23 @@ def test_an_unambiguous_stroke_can_start_early() -> None:
     assert slow.kinds() == ["Step"]
 
 
+@pytest.mark.parametrize("size", [(0.05, 0.03), (0.0762, 0.0508), (0.25, 0.15), (0.62, 0.46), (2.0, 1.2), None])
+def test_the_same_centimetres_are_the_same_step_on_a_tablet_of_any_size(size: tuple[float, float] | None) -> None:
+    tablet = Tablet()
+    width, height = size or (RULES.tablet_width, 0.625 * RULES.tablet_width)
+    for k in range(31):  # 2.5 cm up and 1.5 cm to the right, as far as the tablet is large enough
+        share = min(k / 30, 0.9 * height / 0.025)
+        x, y = 0.02 + 0.015 * share / width, 0.98 - 0.025 * share / height
+        pen = Pen(device="t", size_m=size, in_range=True, contact=True, x=x, y=y, origin=round(tablet.scene.now * 1e9))
+        tablet.core.hear(pen, tablet.scene)
+        tablet.take()
+        tablet.scene.now += 0.01
+    tablet.wait(0.5)
+    assert tablet.kinds() == ["Step"]
+    x, _, z = tablet.last(Step).goal
+    assert (-x, z) == pytest.approx((0.015 * share * RULES.scale, 0.025 * share * RULES.scale), abs=0.03)
+
+
 def test_twist_turns_the_standing_body() -> None:
     tablet = Tablet()
     for twist in np.linspace(0.0, 1.0, 40):

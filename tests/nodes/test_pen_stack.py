@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import atan2, cos, hypot, pi, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
+from bunraku.motion.footlock import LOCKED
 from bunraku.msgs import Locomotion, PathPoint, Pen
 from bunraku.nodes.blender.node import Blender
 from bunraku.nodes.interpreter.node import Interpreter
@@ -27,11 +29,19 @@ Place = Callable[[float], tuple[float, float]]
 class Play:
     """A pen on a tablet, seen from straight behind: places are (right, ahead) m of the ground, which is (-x, z)."""
 
-    def __init__(self, rate: float = 120.0, size: tuple[float, float] = SIZE, **interpreter: Any) -> None:
+    def __init__(
+        self,
+        rate: float = 120.0,
+        size: tuple[float, float] = SIZE,
+        blender: dict[str, Any] | None = None,
+        **interpreter: Any,
+    ) -> None:
         self.stage = MemoryStage()
         # The camera looks along +Z, where the figure faces, so that pen up is ahead and pen right is -X.
         self.interpreter = self.stage.add(Interpreter, azimuth=pi - 1e-9, elevation=0.5, distance=6.5, **interpreter)
-        self.blender = self.stage.add(Blender, skeleton=True, remap={"motion": "pose"}, show_overlay=False)
+        self.blender = self.stage.add(
+            Blender, skeleton=True, remap={"motion": "pose"}, show_overlay=False, **(blender or {})
+        )
         self.size, self.rate = size, rate
         self.at = (0.0, 0.0)  # on the tablet, figure metres from its middle
         self.stage.advance(0.5)
@@ -371,6 +381,56 @@ def test_the_camera_never_turns_and_keeps_figure_or_path_in_the_picture() -> Non
     play.wait(6.0)
     root = project(play.stage.last("camera"), play.poses()[-1].root.astype(np.float64))
     assert (np.abs(root - 0.5) < 0.3).all(), "the figure is followed"
+
+
+def test_a_pens_twist_turns_the_standing_body() -> None:
+    play = Play()
+    play.hold(0.2, contact=False, twist=1.0)
+    for k in range(120):
+        play.send(contact=False, twist=1.0 + 0.9 * k / 119)
+        play.wait(1.0 / 120.0)
+    play.wait(2.0)
+    assert play.headings()[-1] == pytest.approx(0.9, abs=0.1), "clockwise, as seen from above"
+    assert hypot(play.hips()[-1, 0], play.hips()[-1, 2]) < 0.12
+
+
+def test_out_of_range_in_mid_stroke_walks_to_where_the_pen_was_seen_last() -> None:
+    play = Play()
+    play.at = (0.0, -2.9)
+    play.move((0.0, 2.0), 1.6)
+    play.send(contact=False, in_range=False)
+    play.wait(3.5)
+    assert play.kinds() == ["Locomotion"]
+    assert hypot(play.hips()[-1, 0], play.hips()[-1, 2] - 2.0) < 0.08
+    assert play.blender.core.walk is None
+
+
+def test_the_pen_walks_over_hills_with_its_feet_on_the_ground() -> None:
+    file = Path(__file__).parents[2] / "examples" / "hills.npz"
+    play = Play(blender={"ground": str(file)})
+    play.at = (-1.5, -2.9)
+    ground = play.blender.core.player.ground
+    play.move((0.0, 2.4), 2.0)
+    play.move((2.4, 1.2), 2.2)
+    worst, before = 0.0, np.zeros(3)
+    for _ in range(300):
+        play.wait(1 / 60)
+        player = play.blender.core.player
+        for side in range(2):
+            if int(player.state.mode[side]) == LOCKED:
+                mark = player.state.prints[side]
+                worst = max(worst, abs(float(mark[1]) - ground(float(mark[0]), float(mark[2]))))
+        assert player.beyond < 1e-3, "no leg is too short"
+        root = np.array(player.root)
+        assert not before.any() or float(np.linalg.norm(root - before)) < 0.08, "no pop"
+        before = root
+    play.lift()
+    play.wait(3.0)
+    assert worst < 0.01
+    hips = play.hips()
+    assert hypot(hips[-1, 0] - 2.4, hips[-1, 2] - 3.6) < 0.08
+    rise = ground(float(play.poses()[-1].root[0]), float(play.poses()[-1].root[2]))
+    assert hips[-1, 1] - rise == pytest.approx(hips[0, 1] - ground(0.0, 0.0), abs=0.06)
 
 
 @pytest.mark.parametrize("rate", [30.0, 200.0])
