@@ -297,8 +297,10 @@ class Player:
         change = (1.0 - exp(-LN2 * dt / pace.hurry)) * (wanted - self.speed)
         # The first steps begin under the body: a figure that starts faster would leave its feet behind.
         self.speed += min(change, pace.start * (1.0 + 0.6 * max(self.speed - 1.0, 0.0)) * dt)
-        brake = sqrt(2.0 * pace.brake * self.scale * room)
-        self.speed = min(self.speed, max(brake, 0.04))
+        # Toward the end: by the usual brake, harder only as far as the room that is left asks for.
+        if self.speed > sqrt(2.0 * pace.brake * self.scale * room):
+            needed = self.speed**2 / (2.0 * max(room, 1e-3))
+            self.speed = max(self.speed - max(needed, pace.brake * self.scale) * dt, 0.04)
         rate = 1.0
         if self.gait:
             rate = max(self.speed / natural, 0.35)

@@ -46,6 +46,8 @@ _LOCOMOTION: tuple[tuple[str, Gait], ...] = (
     ("walk_bent", walking(0.95, bend=42 * DEG)),
     ("walk_stretched", walking(1.0, bend=-16 * DEG)),
     ("walk_ducked", walking(0.85, duck=0.80)),
+    ("walk_ducked_left", walking(0.85, turn=55 * DEG, duck=0.80)),
+    ("walk_ducked_right", walking(0.85, turn=-55 * DEG, duck=0.80)),
     ("run_bent", running(2.6, bend=20 * DEG)),
     ("run_ducked", running(2.6, duck=0.55)),
     ("walk_crouched_left", walking(0.9, tilt=18 * DEG, bend=24 * DEG, duck=0.55)),

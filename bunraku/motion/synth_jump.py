@@ -34,7 +34,7 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
     low = min(low, 0.36)
     dip_land = min(0.08 + 0.28 * height + 0.07 * distance, 0.34)
     speed_up = GRAVITY * up
-    down_time, push = 0.36 + 0.35 * low, 2.1 * (low + tiptoe) / speed_up
+    down_time, push = 0.27 + 0.32 * low, 2.1 * (low + tiptoe) / speed_up
     push = float(np.clip(push, 0.16, 0.34))
     land_time, recover = 0.16 + 0.25 * dip_land, 0.42 + 0.5 * dip_land
     deep = down_time
