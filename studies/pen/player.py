@@ -64,6 +64,7 @@ class Player(Node):
         self.floor: Floor | None = None
         self.sights: deque[Sight] = deque(maxlen=60)
         self.known = 0
+        self.crossings: dict[tuple[int, int], tuple[float, float]] = {}
         self.taken_in: tuple[int, Array, Route] | None = None
         self.passed: set[int] = set()
         self.crossed: set[int] = set()
@@ -179,6 +180,13 @@ class Player(Node):
         _, corner, way = self.taken_in
         return replace(way, places=way.places + (sight.tiles[0, 0] - corner))
 
+    def crossing(self, sight: Sight, route: Route, number: int) -> tuple[float, float]:
+        """Between which arc lengths (m) a thing may be on the way: tracks do not move, so one look will do."""
+        key = (self.known, number)
+        if key not in self.crossings:
+            self.crossings[key] = route.crossing(sight.things[number])
+        return self.crossings[key]
+
     def whole(self, sight: Sight) -> bool:
         """Whether the goal was seen."""
         return self.known >= len(sight.tiles)
@@ -192,7 +200,7 @@ class Player(Node):
                 continue
             inside = None
             for number, thing in enumerate(sight.things):
-                low, high = route.crossing(thing)
+                low, high = self.crossing(sight, route, number)
                 if thing.asks == "" and gap.off - 0.4 < low < gap.on + 0.9:
                     bound.add(number)
                     inside = number
@@ -200,7 +208,7 @@ class Player(Node):
         for number, thing in enumerate(sight.things):
             if number in self.crossed or number in bound or thing.asks == "duck":
                 continue
-            low, high = route.crossing(thing)
+            low, high = self.crossing(sight, route, number)
             if low > route.end - 0.1:
                 continue
             if here > high + BODY:
@@ -211,9 +219,9 @@ class Player(Node):
 
     def ducks(self, sight: Sight, route: Route, arc: float, before: float, after: float = 0.5) -> bool:
         """Whether one has to be low at an arc length (m), from so far before a beam's track to so far behind it."""
-        for thing in sight.things:
+        for number, thing in enumerate(sight.things):
             if thing.asks == "duck":
-                low, high = route.crossing(thing)
+                low, high = self.crossing(sight, route, number)
                 if low - before <= arc <= high + after:
                     return True
         return False
@@ -251,7 +259,7 @@ class Player(Node):
         sight = self.seen(ago)
         if sight is None:
             return False
-        low, high = route.crossing(sight.things[act.thing])
+        low, high = self.crossing(sight, route, act.thing)
         middle = route.at(0.5 * (low + high))
         slip = float(self.rng.normal(0.0, self.person.timing))
         for ahead in np.arange(begin, end + 0.05, 0.08):
