@@ -25,7 +25,7 @@ FPS = 8
 
 
 @pytest.fixture(scope="module")
-def show(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def show(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the demonstration wrote."""
     out = tmp_path_factory.mktemp("show")
     with tempfile.TemporaryDirectory(prefix="bunraku-demo-") as run:
@@ -35,7 +35,7 @@ def show(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             timeout=800, check=False,
         )  # fmt: skip
     assert done.returncode == 0, done.stdout
-    yield out
+    return out
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,8 @@ def test_the_bag_is_read_by_the_format_s_own_library(show: Path) -> None:
     with (show / "bunraku.mcap").open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()
-        assert summary is not None and summary.statistics is not None
+        assert summary is not None
+        assert summary.statistics is not None
         topics = {channel.topic for channel in summary.channels.values()}
     assert {"touch", "pen", "target", "command", "motion", "pose", "skeleton", "camera"} <= topics
 
