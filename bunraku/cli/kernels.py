@@ -50,8 +50,8 @@ def compiling() -> bool:
 
 def warm(node: str) -> None:
     """Run a node for a moment with everything that it hears."""
+    from bunraku.runtime.declare import declaration
     from bunraku.runtime.memory import MemoryStage
-    from bunraku.runtime.node import declaration
     from bunraku.runtime.plan import load
 
     found = load(node)

@@ -9,12 +9,26 @@ import contextlib
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar, overload
+from typing import Any, ClassVar, Protocol
 
-from bunraku.msgs import InvalidMessage, Journal, Log, Message, Params, TopicKind, decode, kind_of
+from bunraku.msgs import InvalidMessage, Journal, Log, Params, TopicKind, decode, kind_of
 from bunraku.runtime.clock import Clock
+from bunraku.runtime.declare import (
+    SECOND,
+    BoundPublisher,
+    Publisher,
+    Subscription,
+    Timer,
+    declared_by,
+    marked,
+    request,
+    subscribe,
+    subscribe_raw,
+    subscriptions_of,
+    timer,
+)  # fmt: skip
 from bunraku.runtime.names import check_topic, resolve
-from bunraku.runtime.params import Param, ParamProblem, convert_all, param, params_of
+from bunraku.runtime.params import ParamProblem, convert_all, param, params_of
 
 __all__ = [
     "BoundPublisher",
@@ -31,9 +45,6 @@ __all__ = [
     "timer",
 ]
 
-M = TypeVar("M", bound=Message)
-H = TypeVar("H", bound=Callable[..., Any])
-SECOND = 1_000_000_000
 REPORT_EVERY = SECOND
 """ns between two lines about dropped messages."""
 
@@ -81,23 +92,6 @@ class Stage(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Subscription:
-    """One topic, or all that match a pattern, and who hears them."""
-
-    topic: str
-    type: Any
-    handler: str
-    trigger: bool = True
-    raw: bool = False
-    newest: bool = False
-
-    @property
-    def pattern(self) -> bool:
-        """Whether the topic has a '*' in it."""
-        return "*" in self.topic
-
-
 @dataclass
 class Input:
     """A message on its way into a step."""
@@ -105,107 +99,6 @@ class Input:
     subscription: Subscription
     topic: str
     message: Any
-
-
-@dataclass(frozen=True)
-class _Timer:
-    handler: str
-    period: int
-    idle: bool
-
-
-class BoundPublisher(Generic[M]):
-    """A node's own end of a topic that it says."""
-
-    def __init__(self, node: "Node", topic: str, type_: Any) -> None:
-        self.node, self.topic, self.type = node, topic, type_
-        self.seq = 0
-        self.last: M | None = None
-        """The message published last."""
-
-    def publish(self, message: M) -> None:
-        """Send; fills in `stamp`, `seq` and, where it is None, the `origin` of this step."""
-        stage = self.node.stage
-        message.seq = self.seq
-        self.seq += 1
-        if message.origin is None:
-            message.origin = self.node.origin
-        message.stamp = stage.clock.now()
-        self.last = message
-        stage.send(self.topic, message.encode())
-
-    def subscribers(self) -> int:
-        """How many listen now."""
-        return self.node.stage.subscribers(self.topic)
-
-
-class Publisher(Generic[M]):
-    """Declares a topic that the node says: ``pose = Publisher("pose", Pose)``."""
-
-    def __init__(self, topic: str, type_: type[M] | Any) -> None:
-        self.topic, self.type = topic, type_
-        self.name = ""
-
-    def __set_name__(self, owner: type[Any], name: str) -> None:
-        self.name = name
-
-    @overload
-    def __get__(self, node: None, owner: type[Any]) -> Self: ...
-    @overload
-    def __get__(self, node: "Node", owner: type[Any]) -> BoundPublisher[M]: ...
-    def __get__(self, node: "Node | None", owner: type[Any]) -> "Self | BoundPublisher[M]":
-        return self if node is None else node.publishers[self.name]
-
-
-def subscribe(topic: str, type_: Any, *, trigger: bool = True) -> Callable[[H], H]:
-    """Hear a topic. ``trigger=False``: state that the next step is handed, never a reason for one.
-
-    A pattern ('overlay/*') hears all that match; its handler also gets the topic's name.
-    """
-
-    def mark(handler: H) -> H:
-        kind = kind_of(topic)
-        newest = bool(kind and kind.newest) or not trigger
-        one = Subscription(topic, type_, handler.__name__, trigger, newest=newest)
-        handler.__dict__.setdefault("subscriptions", []).append(one)
-        return handler
-
-    return mark
-
-
-def subscribe_raw(topic: str) -> Callable[[H], H]:
-    """Hear bodies as they came: ``def on_raw(self, topic, body)``; every one, unread and not journalled."""
-
-    def mark(handler: H) -> H:
-        one = Subscription(topic, bytes, handler.__name__, raw=True)
-        handler.__dict__.setdefault("subscriptions", []).append(one)
-        return handler
-
-    return mark
-
-
-def timer(*, hz: float, idle: bool = False) -> Callable[[H], H]:
-    """Call at a fixed rate without drift; missed ticks are left out.
-
-    ``idle``: only after no message came for one and a half periods, so that a node that answers messages
-    at once does not tick beside them.
-    """
-
-    def mark(handler: H) -> H:
-        handler.__dict__["timer"] = _Timer(handler.__name__, round(SECOND / hz), idle)
-        return handler
-
-    return mark
-
-
-def request(name: str) -> Callable[[H], H]:
-    """Answer a control request; keyword arguments in, a map (or None) out, ValueError to refuse."""
-
-    def mark(handler: H) -> H:
-        handler.__dict__["request"] = name
-        return handler
-
-    return mark
 
 
 class _TopicLog(logging.Handler):
@@ -263,8 +156,8 @@ class Node:
         self._reported_at = 0
         self._last_seq: dict[str, int] = {}
         self._due: dict[str, int] = {}
-        self.timers = [one.__dict__["timer"] for one in _marked(type(self), "timer")]
-        self.requests = {one.__dict__["request"]: one.__name__ for one in _marked(type(self), "request")}
+        self.timers = [one.__dict__["timer"] for one in marked(type(self), "timer")]
+        self.requests = {one.__dict__["request"]: one.__name__ for one in marked(type(self), "request")}
         self.log = logging.getLogger(f"bunraku.{self.full_name}.{id(self):x}")
         self.log.setLevel(logging.INFO)
         self.log_publisher: BoundPublisher[Log] = self.advertise(f"log/{self.node_name}", Log)
@@ -272,7 +165,7 @@ class Node:
         self.journal_publisher: BoundPublisher[Journal] | None = None
         if self.journal:
             self.journal_publisher = self.advertise(f"journal/{self.node_name}", Journal)
-        for key, declared in _declared(type(self), Publisher).items():
+        for key, declared in declared_by(type(self), Publisher).items():
             self.publishers[key] = self.advertise(declared.topic, declared.type)
         self._log_handler = _TopicLog(self)
         self.log.addHandler(self._log_handler)
@@ -325,7 +218,7 @@ class Node:
 
     def every(self, hz: float, handler: Callable[[], None], *, idle: bool = False) -> None:
         """Start one more timer (in `setup`): as `timer`, for a method at a rate that a parameter gives."""
-        self.timers.append(_Timer(handler.__name__, round(SECOND / hz), idle))
+        self.timers.append(Timer(handler.__name__, round(SECOND / hz), idle))
         self._due[handler.__name__] = self.now + round(SECOND / hz)
 
     def add_reader(self, fileno: int, callback: Callable[[], None]) -> None:
@@ -366,7 +259,7 @@ class Node:
         self.setup()
         if state is not None:
             self.restore(state)
-        for subscription in _subscriptions(type(self)):
+        for subscription in subscriptions_of(type(self)):
             self._open(subscription)
         if self.journal_publisher is not None:
             begin = {
@@ -520,55 +413,6 @@ class Node:
                 late = (now - due) // one.period
                 self._due[one.handler] = due + (late + 1) * one.period
                 getattr(self, one.handler)()
-
-
-def _marked(node: type[Node], mark: str) -> list[Callable[..., Any]]:
-    """Methods that a decorator marked, in the order of declaration; an override replaces."""
-    found: dict[str, Callable[..., Any]] = {}
-    for base in reversed(node.__mro__):
-        for name, value in vars(base).items():
-            if callable(value) and mark in getattr(value, "__dict__", {}):
-                found[name] = value
-    return list(found.values())
-
-
-def _subscriptions(node: type[Node]) -> list[Subscription]:
-    return [one for method in _marked(node, "subscriptions") for one in method.__dict__["subscriptions"]]
-
-
-def _declared(node: type[Node], kind: type[Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for base in reversed(node.__mro__):
-        found.update({name: value for name, value in vars(base).items() if isinstance(value, kind)})
-    return found
-
-
-@dataclass(frozen=True)
-class Declaration:
-    """What a node class says of itself without running."""
-
-    says: dict[str, TopicKind]
-    hears: dict[str, bool]
-    """Topic or pattern -> whether it triggers."""
-    params: dict[str, Param]
-    requests: list[str]
-
-
-def declaration(node: type[Node], name: str | None = None) -> Declaration:
-    """The topics, parameters and requests of a node class, its own log and parameters included."""
-    name = name or node.name
-    says: dict[str, TopicKind] = {
-        f"log/{name}": TopicKind(Log),
-        f"params/{name}": TopicKind(Params, latched=True),
-    }
-    if node.journal:
-        says[f"journal/{name}"] = TopicKind(Journal)
-    for one in _declared(node, Publisher).values():
-        kind = kind_of(one.topic) or TopicKind(one.type)
-        says[one.topic] = replace(kind, type=one.type)
-    hears = {one.topic: one.trigger for one in _subscriptions(node)}
-    requests = [one.__dict__["request"] for one in _marked(node, "request")]
-    return Declaration(says, hears, params_of(node), requests)
 
 
 def close_log(node: Node) -> None:

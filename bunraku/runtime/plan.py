@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
+from bunraku.runtime.declare import declaration
 from bunraku.runtime.launch import NAME, LaunchError, NodeSpec
 from bunraku.runtime.names import RECORDERS, STACK, resolve
-from bunraku.runtime.node import Node, declaration
+from bunraku.runtime.node import Node
 from bunraku.runtime.params import ParamProblem, convert_all, params_of
 from bunraku.runtime.supervise import Task
 
