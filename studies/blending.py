@@ -1,13 +1,15 @@
 """How well blended motion does what it is asked to, in numbers: the tables of docs/blending.md.
 
-    python studies/blending.py [SET.npz ...]
+    python studies/blending.py
 
-Without files the built-in set is measured. *Before constraints*: one cycle or one motion is played for parameters
+The built-in set is measured, and beside it one that is built from captures ($BUNRAKU_MOCAP, default ../shared/mocap
+beside the repository), where there are any. *Before constraints*: one cycle or one motion is played for parameters
 drawn over the module's range, and measured from its poses as any clip is. *After*: the player walks drawn paths and
 makes moves; footprints, feet, reach and joint velocities are taken from the poses that it gives.
 """
 
 import argparse
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path as File
@@ -15,12 +17,15 @@ from pathlib import Path as File
 import numpy as np
 from numpy.typing import NDArray
 
+from bunraku.figure.default import default_figure
 from bunraku.figure.quat import from_axis_angle, mul
 from bunraku.motion import rotation as rot
 from bunraku.motion.blend import pose_into, speeds_into, way_into
+from bunraku.motion.build import make
+from bunraku.motion.build_plan import plan
 from bunraku.motion.clip import Clip
 from bunraku.motion.constraint import Ground, path_of
-from bunraku.motion.motionset import MotionSet
+from bunraku.motion.motionset import MODULES, MotionSet
 from bunraku.motion.parameters import cycle_path, embed, measured, unembed
 from bunraku.motion.player import Player, Transition, Voice, voices
 from bunraku.motion.synth import builtin_set
@@ -308,35 +313,70 @@ def sums(motion_set: MotionSet, count: int = 20_000) -> float:
     return worst
 
 
-def report(motion_set: MotionSet, count: int) -> None:
-    """Print the tables."""
-    print(f"### {motion_set.name}: asked against achieved before root constraints\n")
-    print("| module | parameter | range | mean error | largest |\n|---|---|---|---|---|")
-    for row in before_constraints(motion_set, count):
-        unit = UNITS[row.parameter]
-        print(
-            f"| {row.module} | {row.parameter} | {row.low:.2f}..{row.high:.2f} {unit} "
-            f"| {row.mean:.3f} | {row.most:.3f} |"
-        )
-    print(f"\nLargest distance of a sum of weights from one: {sums(motion_set):.1e}\n")
-    print(f"### {motion_set.name}: after root constraints\n")
-    both = {kind: after_constraints(motion_set, kind) for kind in ("inertialise", "example")}
-    print("| measure | inertialised | (n+1)-th example |\n|---|---|---|")
-    for key in both["inertialise"]:
-        a, b = both["inertialise"][key], both["example"][key]
-        unit = "°/s" if "velocity" in key else "mm"
-        scale = 1.0 if "velocity" in key else 1000.0
-        print(f"| {key} | {a * scale:.1f} {unit} | {b * scale:.1f} {unit} |")
-    print()
+LIMITS = {"speed": 0.03, "turn": 2.0, "distance": 0.02, "height": 0.02}
+"""Mean errors asked for, in the units of the table."""
+
+
+def from_captures(folder: File) -> MotionSet:
+    """The set that `bunraku motion build` makes of a folder."""
+    figure = default_figure()
+    planned = plan(folder, figure, "captures")
+    return make(planned.recipe, folder, figure)
+
+
+def report(sets: list[MotionSet], count: int) -> None:
+    """Print the tables, all sets beside each other."""
+    found = {motion_set.name: before_constraints(motion_set, count) for motion_set in sets}
+    print("### Asked against achieved before root constraints\n")
+    heads = "".join(f" {name}: range | mean error | largest |" for name in found)
+    print(f"| module | parameter |{heads}\n|---|---|{'---|---|---|' * len(found)}")
+    for module, parameters in MODULES.items():
+        for parameter in parameters:
+            cells = []
+            for rows in found.values():
+                row = next((r for r in rows if (r.module, r.parameter) == (module, parameter)), None)
+                if row is None:
+                    cells.append(" | | |")
+                    continue
+                span = f"{row.low:.2f}..{row.high:.2f} {UNITS[parameter]}"
+                cells.append(f" {span} | {row.mean:.3f} | {row.most:.3f} |")
+                if row.mean > LIMITS.get(parameter, np.inf):
+                    raise SystemExit(f"{module} {parameter}: mean error {row.mean:.3f} is beyond its limit")
+            print(f"| {module} | {parameter} |{''.join(cells)}")
+    worst = ", ".join(f"{motion_set.name} {sums(motion_set):.1e}" for motion_set in sets)
+    print(f"\nLargest distance of a sum of weights from one: {worst}\n")
+    kinds: tuple[Transition, ...] = ("inertialise", "example")
+    after = {(one.name, kind): after_constraints(one, kind) for one in sets for kind in kinds}
+    print("### After root constraints\n")
+    words = {"inertialise": "inertialised", "example": "(n+1)-th example"}
+    print(f"| measure |{''.join(f' {name}, {words[kind]} |' for name, kind in after)}")
+    print(f"|---|{'---|' * len(after)}")
+    for key in next(iter(after.values())):
+        unit, scale = ("°/s", 1.0) if "velocity" in key else ("mm", 1000.0)
+        print(f"| {key} |{''.join(f' {row[key] * scale:.1f} {unit} |' for row in after.values())}")
 
 
 def main() -> None:
+    default = (
+        File(os.environ.get("BUNRAKU_MOCAP") or File(__file__).resolve().parents[2] / "shared" / "mocap") / "clips"
+    )
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("sets", nargs="*", type=File, help="motion sets; the built-in one when none is given")
+    parser.add_argument(
+        "--captures", type=File, default=default, help="folder of captures that a second set is built from"
+    )
+    parser.add_argument(
+        "--set", type=File, action="append", default=[], help="a motion set instead of one from captures"
+    )
     parser.add_argument("--count", type=int, default=90, help="parameter values a module")
     arguments = parser.parse_args()
-    for motion_set in [MotionSet.load(path) for path in arguments.sets] or [builtin_set()]:
-        report(motion_set, arguments.count)
+    sets = [builtin_set(), *(MotionSet.load(path) for path in arguments.set)]
+    if not arguments.set and arguments.captures.is_dir():
+        sets.append(from_captures(arguments.captures))
+    elif not arguments.set:
+        print(
+            f"no captures in {arguments.captures}: the built-in set alone (set BUNRAKU_MOCAP, or --captures FOLDER)\n"
+        )
+    report(sets, arguments.count)
 
 
 if __name__ == "__main__":

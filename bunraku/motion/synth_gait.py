@@ -77,10 +77,11 @@ def _trunk(frame: Frame, gait: Gait, phase: Array) -> tuple[Array, Array, Array,
     # Curving bodies lean into the curve.
     bank = np.arctan(gait.speed * gait.turn / 9.81) * 0.8
     ducked = np.radians(12.0) * gait.duck
-    bob = np.cos(2 * TAU * (phase - 0.06))
+    # Walking, the trunk leans most while one leg bears it; running, when it lands.
+    nod = (2.0 * r - 1.0) * np.cos(2 * TAU * (phase - 0.08))
     pelvis = np.stack(
         [
-            np.radians(gait.pelvis_tilt) + np.radians(1.2) * bob + 0.42 * gait.bend + 0.4 * ducked,
+            np.radians(gait.pelvis_tilt) + np.radians(1.2) * nod + 0.42 * gait.bend + 0.4 * ducked,
             -turn * np.cos(TAU * (phase - 0.02)),
             -np.radians(gait.pelvis_list) * np.cos(TAU * (phase - (0.17 - 0.02 * r))) + 0.35 * gait.tilt + 0.6 * bank,
         ],
@@ -88,7 +89,7 @@ def _trunk(frame: Frame, gait: Gait, phase: Array) -> tuple[Array, Array, Array,
     )
     chest = np.stack(
         [
-            np.radians(gait.lean) + np.radians(1.0) * np.cos(2 * TAU * (phase - 0.10)) + gait.bend * 1.05 + ducked,
+            np.radians(gait.lean) + np.radians(1.0) * nod + gait.bend * 1.05 + ducked,
             np.radians(gait.chest_turn) * np.cos(TAU * (phase - 0.04)),
             np.radians(1.6) * np.cos(TAU * (phase - 0.24)) + 1.12 * gait.tilt + bank,
         ],

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from bunraku.figure.default import default_figure
 from bunraku.motion import build_edit as edit
+from bunraku.motion import rotation as rot
 from bunraku.motion.analysis import ducks, headings, hips, lean, measure
 from bunraku.motion.analysis_contacts import contacts
 from bunraku.motion.build import example_of, load_source, make
@@ -105,6 +106,34 @@ def test_marching_lifts_the_free_feet_only(walk):
     assert np.abs(after - before)[on].max() < 2e-3
 
 
+@pytest.mark.parametrize("share", [0.4, 1.0])
+def test_a_slowed_walk_goes_less_far_and_stands_where_it_stood(walk, share):
+    slow = edit.slowed(walk.clip, share)
+    gone, was = (float(clip.roots[-1, 2] - clip.roots[0, 2]) for clip in (slow, walk.clip))
+    assert gone == pytest.approx((1.0 - share) * was, abs=2e-3)
+    ankles, feet = edit.feet_of(slow)
+    flat = np.abs(rot.rotate(feet, np.array([0.0, 0.0, 1.0]))[..., 1]) < 0.02
+    for foot in range(2):
+        still = walk.contacts[:, foot] & flat[:, foot]
+        assert still.sum() > 8
+        assert np.linalg.norm(np.diff(ankles[:, foot, [0, 2]], axis=0), axis=1)[still[1:] & still[:-1]].max() < 2e-3
+    assert edit.gap(slow, 0, len(slow) - 1) < 0.02
+
+
+@pytest.mark.parametrize("angle", [0.4, -1.3])
+def test_a_stand_is_spun_by_its_feet(generated, angle):
+    stand = generated.module("stand").examples[0].clip.slice(0, 63)
+    keys = np.array([0.0, 0.12, 0.45, 0.52, 0.85, 1.03])
+    flags = edit.step_flags(np.ones((63, 2), dtype=bool), keys, 60.0, 0 if angle > 0 else 1)
+    turned = edit.spun(edit.stepping(stand, flags, 0.05), flags, angle, keys[1], keys[4])
+    assert headings(turned)[-1] - headings(turned)[0] == pytest.approx(angle, abs=0.01)
+    ankles, _ = edit.feet_of(turned)
+    for foot in range(2):
+        down = flags[1:, foot] & flags[:-1, foot]
+        assert np.linalg.norm(np.diff(ankles[:, foot, [0, 2]], axis=0), axis=1)[down].max() < 2e-3
+        assert ankles[:, foot, 1].max() - ankles[0, foot, 1] > 0.03
+
+
 def test_closing_makes_the_last_pose_the_first_one(walk):
     part = edit.repeated(walk.clip, 2).slice(3, 60)
     loop = edit.closed(part)
@@ -145,6 +174,7 @@ PIECE = Piece("jump_left", "a b", "more/x.bvh", (0.0, 0.4, 0.6, 0.8, 1.0, 1.5), 
 def test_a_recipe_reads_back_as_written(tmp_path):
     cycle = Piece("locomotion", 'quote " and \\', "w.bvh", (0.1, 0.2, 0.3, 0.4, 1.25), loop=(0.5, 1.5), mirrored=True)
     stand = Piece("stand", "s", "s.bvh", (0.0, 2.0), loop=(0.0, 1.0), back=True, tilt=-20.0, duck=0.5, bend=3.5)
+    stand = replace(stand, turn=45.0, slow=0.5)
     recipe = Recipe("a set", (cycle, stand, PIECE, replace(cycle, module="canonical", name="march", march=0.3)))
     write_recipe(recipe, tmp_path / "r.toml")
     assert read_recipe(tmp_path / "r.toml") == recipe
