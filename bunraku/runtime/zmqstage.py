@@ -292,12 +292,19 @@ def _topic_of(entry: "os.DirEntry[str]") -> str:
     stem, _, last = entry.name.rpartition(".")
     if last == "json":
         name = stem
-    elif last not in ("lock", "ctl", "state") and stat.S_ISSOCK(entry.stat(follow_symlinks=False).st_mode):
+    elif last not in ("lock", "ctl", "state") and _is_socket(entry):
         name = entry.name
     else:
         return ""
     topic = name.replace(".", "/")
     return topic if NAME.fullmatch(topic) else ""
+
+
+def _is_socket(entry: "os.DirEntry[str]") -> bool:
+    try:
+        return stat.S_ISSOCK(entry.stat(follow_symlinks=False).st_mode)
+    except FileNotFoundError:
+        return False  # its node ended, or its card got its name, since the folder was read
 
 
 def _return_memory() -> None:
