@@ -30,9 +30,10 @@ FPS, RATE, RULES = 60.0, 120.0, PenRules()
 class Stage:
     """Interpreter and blender; the camera looks along +Z, so that pen right is -X and pen up +Z."""
 
-    def __init__(self, size: tuple[float, float], early: bool = False) -> None:
+    def __init__(self, size: tuple[float, float], early: bool = False, natural: bool = False) -> None:
         self.stage = MemoryStage()
-        self.stage.add(Interpreter, azimuth=pi - 1e-9, elevation=0.5, distance=6.5, pen_early=early)
+        how = {"pen_early": early, "pen_natural": natural}
+        self.stage.add(Interpreter, azimuth=pi - 1e-9, elevation=0.5, distance=6.5, **how)
         self.blender = self.stage.add(Blender, skeleton=True, remap={"motion": "pose"}, show_overlay=False)
         self.size = size
         self.frames: list[tuple[Array, ...]] = []
@@ -113,7 +114,7 @@ class Quality:
     step_usual: float
     speed_error: float
     behind: float
-    """s that the figure goes on after the pen has ended."""
+    """s from the pen's last sample until the figure is where it ended."""
 
 
 def free_walk(seconds: float, size: tuple[float, float], seed: int) -> Quality:
@@ -147,14 +148,39 @@ def free_walk(seconds: float, size: tuple[float, float], seed: int) -> Quality:
     here = np.array([one[4][:2] for one in stage.frames])
     off = along(here, line)
     steps = velocity_steps(clip)
+    going = np.hypot(*(here - here[-1]).T) > 0.02
+    arrived = float(max(one[5][1] for one, on in zip(stage.frames, going, strict=True) if on))
     asked = float(np.hypot(*np.diff(line, axis=0).T).sum())
     walked = float(np.hypot(*np.diff(here, axis=0).T).sum())
     return Quality(
         length=asked, resets=resets, path_rms=float(np.sqrt((off**2).mean())), path_most=float(off.max()),
         drift=drift(player, clip, stage.frames), beyond=max(float(one[5][0]) for one in stage.frames),
         step_most=float(steps.max()), step_usual=float(np.quantile(steps.max(axis=1), 0.9)),
-        speed_error=abs(walked - asked) / asked, behind=stage.time - until,
+        speed_error=abs(walked - asked) / asked, behind=max(arrived - until, 0.0),
     )  # fmt: skip
+
+
+def round_corner(angle: float, speed: float, natural: bool) -> tuple[float, float, float]:
+    """m/s at the slowest and on average over the 2 m about a sharp corner, and s from the pen's end to the figure's."""
+    stage = Stage((0.6, 0.6), natural=natural)
+    at = np.array([0.0, -3.0])
+    stage.send((0.0, -3.0))
+    for leg, turned in ((3.0, 0.0), (4.0, angle)):
+        count = round(leg / speed * RATE)
+        for _ in range(count):
+            at = at + leg / count * np.array([np.sin(turned), np.cos(turned)])
+            stage.send((float(at[0]), float(at[1])))
+            stage.wait(1.0 / RATE)
+    stage.send((float(at[0]), float(at[1])), contact=False)
+    until = stage.time
+    stage.wait(6.0)
+    here = np.array([one[4][:2] for one in stage.frames])
+    times = np.array([one[5][1] for one in stage.frames])
+    gaps = np.hypot(*np.diff(here, axis=0).T)
+    walked = np.cumsum(gaps)
+    middle = (walked > 2.0) & (walked < 4.0)
+    going = np.hypot(*(here - here[-1]).T) > 0.02
+    return float(gaps[middle].min() * FPS), 2.0 / (middle.sum() / FPS), float(times[going][-1] - until)
 
 
 def first_motion(stage: Stage, since: float) -> float:
@@ -261,6 +287,14 @@ def main() -> None:
                   f"| {1e3 * q.path_rms:.0f} / {1e3 * q.path_most:.0f} "
                   f"| {1e3 * q.drift:.2f} | {1e3 * q.beyond:.1f} | {q.step_usual:.0f} / {q.step_most:.0f} "
                   f"| {100 * (1 - q.speed_error):.1f} % | {q.behind:.1f} |", flush=True)  # fmt: skip
+    print("\n| corner | pen m/s | path | slowest m/s | mean of 2 m about it m/s | on after the pen s |")
+    print("|---|---|---|---|---|---|")
+    for angle in (45.0, 90.0, 135.0):
+        for speed in (1.3, 2.4):
+            for natural in (False, True):
+                a, b, c = round_corner(np.radians(angle), speed, natural)
+                name = "natural" if natural else "as drawn"
+                print(f"| {angle:.0f}° | {speed} | {name} | {a:.2f} | {b:.2f} | {c:.1f} |", flush=True)
     print("\n| motion | first sample to command ms | last sample to command ms | command to motion ms |")
     print("|---|---|---|---|")
     for kind, early in (("step", False), ("walk", False), ("walk", True), ("jump", False)):
