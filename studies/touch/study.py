@@ -8,9 +8,11 @@ the tables (table.md), every run (runs.json) and pictures (poses.png, reached.pn
 """
 
 import argparse
+import contextlib
 import json
+import multiprocessing
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +44,11 @@ CHANGES: dict[str, Callable[[Motor], Motor]] = {
 }
 
 
-@dataclass(frozen=True)
+Job = tuple[str, str, Ghost, int]
+"""Motor model, tool, target, seed."""
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
     """One simulated user at one pose."""
 
@@ -125,18 +131,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="bunraku study touch", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seeds", type=int, default=20, help="simulated users a pose and tool (default 20)")
     parser.add_argument("--sensitivity", type=int, default=5, help="users a cell of the other table, 0 for none")
+    parser.add_argument("--jobs", type=int, default=1, help="processes that share the work (default 1)")
     parser.add_argument("--poses", default="12345", help="which poses, like 135 (default all)")
     parser.add_argument("-o", "--output", type=Path, default=Path("study-touch"), help="folder to write (study-touch)")
     parser.add_argument("--json", action="store_true", help="print every run instead of the tables")
     args = parser.parse_args(argv)
     goals = [goal for goal in GOALS if goal.name in args.poses]
-    if args.seeds < 1 or args.sensitivity < 0 or not goals:
-        print("bunraku study touch: --seeds counts users (at least 1), --poses names some of 12345", file=sys.stderr)
+    if args.seeds < 1 or args.sensitivity < 0 or args.jobs < 1 or not goals:
+        print(
+            "bunraku study touch: --seeds counts users (at least 1), --jobs processes, --poses names some of 12345",
+            file=sys.stderr,
+        )
         return 2
     ghosts = [ghost(goal) for goal in goals]
-    jobs: list[tuple[str, str, Ghost, int]] = [
-        ("as stated", tool, one, seed) for one in ghosts for tool in TOOLS for seed in range(args.seeds)
-    ]
+    jobs: list[Job] = [("as stated", tool, one, seed) for one in ghosts for tool in TOOLS for seed in range(args.seeds)]
     names = list(CHANGES) if args.sensitivity and len(goals) == len(GOALS) else []
     jobs += [
         (name, tool, one, seed)
@@ -146,10 +154,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         for seed in range(args.sensitivity)
     ]
     results: dict[str, list[Run]] = {"as stated": []}
-    with Progress("posing") as progress:
-        for number, (name, tool, one, seed) in enumerate(jobs):
-            progress(number, len(jobs), f"{tool}, pose {one.goal.name}")
-            results.setdefault(name, []).append(perform(tool, one, seed, CHANGES.get(name)))
+    with Progress("posing") as progress, contextlib.ExitStack() as stack:
+        done: Iterable[Run] = map(_job, jobs)
+        if args.jobs > 1:
+            done = stack.enter_context(multiprocessing.get_context("fork").Pool(args.jobs)).imap(_job, jobs)
+        for number, (job, run) in enumerate(zip(jobs, done, strict=True)):
+            progress(number, len(jobs), f"{run.tool}, pose {run.pose}")
+            results.setdefault(job[0], []).append(run)
     runs = results["as stated"]
     lines = table(runs, args.seeds) if len(goals) == len(GOALS) else _short(runs)
     if names:
@@ -171,6 +182,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(f"written to {args.output}: table.md runs.json poses.png reached.png times.png", file=sys.stderr)
     return 0 if all(row([run for run in runs if run.pose == goal.name and run.tool == "touch"])["reached"]
                     for goal in goals) else 1  # fmt: skip
+
+
+def _job(job: Job) -> Run:
+    name, tool, target, seed = job
+    return perform(tool, target, seed, CHANGES.get(name))
 
 
 def _short(runs: Sequence[Run]) -> list[str]:
