@@ -17,6 +17,11 @@ from bunraku.runtime.node import BoundPublisher, Node, ParamProblem, param, time
 GROUP = "bunraku.drivers"
 SECOND = 1_000_000_000
 MOST_DEVICES = 16
+"""At once."""
+MOST_KNOWN = 256
+"""Since the node began; each has a topic of its own."""
+HELD_UP = SECOND // 2
+"""ns between two looks, from which on this process was held up."""
 
 
 class DriverProblem(Exception):
@@ -46,6 +51,24 @@ class Driver:
 
     def close(self) -> None:
         """End."""
+
+
+class Silence:
+    """When each device was heard last, and which have been silent for too long.
+
+    Time in which this process was held up itself does not count: what came meanwhile is not read yet.
+    """
+
+    def __init__(self) -> None:
+        self.heard: dict[str, int] = {}
+        self._looked = 0
+
+    def late(self, now: int, limit: float) -> list[str]:
+        """Devices not heard for ``limit`` s at ``now`` ns; asked ten times a second."""
+        if self._looked and now - self._looked > HELD_UP:
+            self.heard = dict.fromkeys(self.heard, now)
+        self._looked = now
+        return [device for device, at in self.heard.items() if now - at > limit * SECOND]
 
 
 class PerformanceDriver(Driver):
@@ -185,8 +208,11 @@ class DriverHost(Node):
         """A device is there; False where there are too many."""
         known_one = self.surfaces.get(device)
         if known_one is None:
-            if len(self.surfaces) >= MOST_DEVICES:
+            if sum(one.connected for one in self.surfaces.values()) >= MOST_DEVICES:
                 self.garbage(f"{device}: a device more than {MOST_DEVICES}; end some of the senders")
+                return False
+            if len(self.surfaces) >= MOST_KNOWN:
+                self.garbage(f"{device}: {MOST_KNOWN} devices came and went; start this node again")
                 return False
             self.log.info("%s: connected%s", device, f" ({note})" if note else "")
         made = Device(

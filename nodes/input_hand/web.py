@@ -1,7 +1,7 @@
 """The `web` driver: the page's sliders and selection plane, in normalised units -1..1."""
 
 from bunraku.msgs import Event
-from bunraku.runtime.driver import Driver
+from bunraku.runtime.driver import Driver, Silence
 
 
 class WebDriver(Driver):
@@ -11,8 +11,8 @@ class WebDriver(Driver):
     topics = ("web/events",)
 
     def open(self) -> None:
-        self.seen: dict[str, int] = {}
-        """Page -> when its hands came last."""
+        self.seen = Silence()
+        """Of pages whose hands are seen."""
         self.host.listen("web/events", Event, self.on_event)
 
     def on_event(self, event: Event) -> None:
@@ -23,18 +23,16 @@ class WebDriver(Driver):
         elif event.kind == "hands" and self.host.connected(
             event.device, driver="web", fields=["position", "bend"], rate=60.0, bend_unit="normalised"
         ):
-            self.seen[event.device] = now
+            self.seen.heard[event.device] = now
             self.host.say(event.device, event.left, event.right, now)
 
     def leave(self, device: str, now: int, note: str) -> None:
         """The hands are not seen any more: said once."""
-        if self.seen.pop(device, None) is not None:
+        if self.seen.heard.pop(device, None) is not None:
             self.host.say(device, None, None, now)
             self.host.gone(device, note)
 
     def keep(self, now: int) -> None:
         """While hands are played the page tells them four times a second."""
-        limit = round(self.host.option("lost") * 1e9)
-        for device, at in list(self.seen.items()):
-            if now - at > limit:
-                self.leave(device, now, "the page is silent")
+        for device in self.seen.late(now, self.host.option("lost")):
+            self.leave(device, now, "the page is silent")

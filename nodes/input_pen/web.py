@@ -1,7 +1,7 @@
 """The `web` driver: pens on the page, every coalesced sample, from the browsers' raw events."""
 
 from bunraku.msgs import Event, Pen, PenSample
-from bunraku.runtime.driver import Driver
+from bunraku.runtime.driver import Driver, Silence
 
 LATE = 1_000_000_000
 """ns: samples of one frame are never taken for older than this."""
@@ -14,8 +14,10 @@ class WebDriver(Driver):
     topics = ("web/events",)
 
     def open(self) -> None:
-        self.last: dict[str, tuple[Pen, int]] = {}
-        """Page -> its last sample and when it came, while it is in range."""
+        self.last: dict[str, Pen] = {}
+        """Page -> its last sample, while it is in range."""
+        self.touching = Silence()
+        """Of pages whose pen touches."""
         self.host.listen("web/events", Event, self.on_event)
 
     def on_event(self, event: Event) -> None:
@@ -37,8 +39,11 @@ class WebDriver(Driver):
 
     def say(self, sample: Pen, now: int) -> None:
         """One sample; what leaves the range is forgotten."""
+        self.touching.heard.pop(sample.device, None)
+        if sample.contact:
+            self.touching.heard[sample.device] = now
         if sample.in_range:
-            self.last[sample.device] = (sample, now)
+            self.last[sample.device] = sample
         else:
             self.last.pop(sample.device, None)
         self.host.say(sample)
@@ -47,15 +52,13 @@ class WebDriver(Driver):
         """A pen that was in range is there no more."""
         held = self.last.get(device)
         if held is not None:
-            self.say(out_of_range(held[0], now), now)
+            self.say(out_of_range(held, now), now)
 
     def keep(self, now: int) -> None:
         """A page tells a pen that touches four times a second: silence means that nobody holds it."""
-        limit = round(self.host.option("lost") * 1e9)
-        for device, (sample, at) in list(self.last.items()):
-            if sample.contact and now - at > limit:
-                self.leave(device, now)
-                self.host.gone(device, "the page is silent")
+        for device in self.touching.late(now, self.host.option("lost")):
+            self.leave(device, now)
+            self.host.gone(device, "the page is silent")
 
 
 def message(event: Event, one: PenSample, origin: int) -> Pen:

@@ -2,7 +2,7 @@
 
 from bunraku.msgs import Event
 from bunraku.nodes.input_touch.frame import Ending, Frame, Sample
-from bunraku.runtime.driver import Driver
+from bunraku.runtime.driver import Driver, Silence
 
 
 class WebDriver(Driver):
@@ -12,14 +12,14 @@ class WebDriver(Driver):
     topics = ("web/events",)
 
     def open(self) -> None:
-        self.held: dict[str, int] = {}
-        """Page -> when it was heard last, while fingers are down on it."""
+        self.held = Silence()
+        """Of pages on which fingers are down."""
         self.host.listen("web/events", Event, self.on_event)
 
     def on_event(self, event: Event) -> None:
         """A frame of touches, or the end of a page."""
         if event.kind == "gone":
-            self.held.pop(event.device, None)
+            self.held.heard.pop(event.device, None)
             self.host.gone(event.device, "the page was closed")
             return
         if event.kind != "touch":
@@ -35,15 +35,13 @@ class WebDriver(Driver):
             else:
                 live[one.id] = Sample(one.x, one.y, one.major, one.minor, one.angle, one.pressure)
         now = event.origin or self.host.clock()
-        self.held.pop(event.device, None)
+        self.held.heard.pop(event.device, None)
         if live:
-            self.held[event.device] = now
+            self.held.heard[event.device] = now
         self.host.frame(Frame(event.device, live, now, ended))
 
     def keep(self, now: int) -> None:
         """A page tells the fingers that are down four times a second: silence means that nobody holds the figure."""
-        limit = round(self.host.option("silent") * 1e9)
-        for device, at in list(self.held.items()):
-            if now - at > limit:
-                del self.held[device]
-                self.host.gone(device, "the page is silent")
+        for device in self.held.late(now, self.host.option("silent")):
+            del self.held.heard[device]
+            self.host.gone(device, "the page is silent")

@@ -13,7 +13,7 @@ from bunraku.msgs import Contact, Event, Touch
 from bunraku.nodes.input_touch.frame import Ledger, Sample
 from bunraku.nodes.input_touch.node import InputTouch
 from bunraku.nodes.input_touch.performance import Curve, PerformanceError, parse
-from bunraku.runtime.driver import DriverProblem, find, known, listeners_wanted
+from bunraku.runtime.driver import DriverProblem, Silence, find, known, listeners_wanted
 from bunraku.runtime.memory import MemoryStage
 from bunraku.runtime.node import Node, ParamProblem, subscribe
 
@@ -287,3 +287,26 @@ def test_a_page_that_holds_nothing_may_be_silent() -> None:
     stage.advance(30.0)
     assert stage.last("device/web_a_touch").connected
     assert [one.phase for one in stage.last("touch").contacts] == ["up"]
+
+
+def test_silence_does_not_count_while_the_node_itself_was_held_up() -> None:
+    silence, second = Silence(), 10**9
+    silence.heard["web-a"] = 10 * second
+    assert silence.late(10 * second, 1.5) == []
+    assert silence.late(14 * second, 1.5) == []  # four seconds without a look: what came is not read yet
+    for tenth in range(141, 155):
+        assert silence.late(tenth * second // 10, 1.5) == []
+    assert silence.late(156 * second // 10, 1.5) == ["web-a"]
+
+
+def test_pages_that_went_make_room_for_others() -> None:
+    stage = MemoryStage()
+    stage.add(InputTouch, drivers=["web"])
+    for visitor in range(40):
+        name = f"web-{visitor}"
+        stage.publish("web/events", page(name, "touch", Contact(id=1, phase="down", x=0.5, y=0.5)))
+        assert stage.last("touch").device == name
+        stage.publish("web/events", page(name, "gone"))
+    for visitor in range(100, 120):
+        stage.publish("web/events", page(f"web-{visitor}", "touch", Contact(id=1, phase="down", x=0.5, y=0.5)))
+    assert stage.last("touch").device == "web-115"  # sixteen at once

@@ -571,6 +571,24 @@ def test_the_page_is_driven_by_keyboard(person: Person) -> None:
     person.until("bunraku.hands.hands.right.bend[1] > 0.5")
     page.keyboard.up("2")
     person.until("bunraku.hands.hands.right.bend[1] === 0")
+    page.locator("label", has_text="Touch").first.click()
+    page.locator("input[value=touch]").focus()
+    reached = []
+    for _ in range(9):
+        page.keyboard.press("Tab")
+        reached.append(person.ask("document.activeElement.id"))
+    assert reached[:5] == ["settings", "view", "reset", "take", "takes"]
+    assert person.ask("getComputedStyle(document.activeElement).outlineStyle") != "none" or reached[-1] == ""
+    page.locator("#settings").focus()
+    page.keyboard.press("Enter")
+    assert person.ask("document.activeElement.id") == "closedrawer"
+    inside = set()
+    for _ in range(12):
+        page.keyboard.press("Tab")
+        inside.add(person.ask("document.activeElement.id"))
+    assert {"role", "theme", "fullscreen", "fit", "cardwidth", "forgetcard"} <= inside
+    page.keyboard.press("Escape")
+    assert person.ask("document.activeElement.id") == "settings"
     unnamed = person.ask(
         """() => [...document.querySelectorAll('button, select, input')].filter(one => {
           const labels = [...one.labels ?? []].some(label => label.textContent.trim());
@@ -578,4 +596,3 @@ def test_the_page_is_driven_by_keyboard(person: Person) -> None:
         }).map(one => one.outerHTML)"""
     )
     assert unnamed == []
-    page.locator("label", has_text="Touch").first.click()

@@ -28,6 +28,7 @@ FLAGS = [
 ]  # fmt: skip
 SHOTS = os.environ.get("BUNRAKU_SHOTS")
 """A folder for the pictures, to be looked at."""
+UP = re.compile(r"nodes? up in")
 LINK = re.compile(r"the stage page is at (http://\S+)")
 
 
@@ -68,7 +69,7 @@ class Hall:
             stdout=self.log, stderr=subprocess.STDOUT, cwd=folder, start_new_session=True,
         )  # fmt: skip
         try:
-            self.until(lambda: "nodes up" in self.said(), 200.0)  # kernels may be compiled first
+            self.until(lambda: UP.search(self.said()) is not None, 200.0)  # kernels may be compiled first
             self.until(lambda: LINK.search(self.said()) is not None)
         except AssertionError:
             self.close()
