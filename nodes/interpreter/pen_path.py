@@ -4,6 +4,7 @@ Posture and speed at a place are averages of the samples recorded near it (Oshit
 paper: a figure that lags hurries; the path can be made one that people walk, and goes round what stands in the way.
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import atan2, ceil, floor, sqrt
@@ -19,6 +20,10 @@ from bunraku.nodes.interpreter.pen_stroke import StrokePoint
 
 Array = NDArray[np.float64]
 MOST_POINTS = 4000
+
+
+def _arc(point: StrokePoint) -> float:
+    return point.arc
 
 
 @dataclass
@@ -63,8 +68,15 @@ class Walk:
         """s that the figure is behind the pen, beyond what walking after a hand takes anyway; at least 0."""
         if len(self.points) < 2:
             return 0.0
-        drawn = float(np.interp(self.place, [one.arc for one in self.points], [one.time for one in self.points]))
+        near = self.between(self.place - 0.5, self.place + 0.5)
+        drawn = float(np.interp(self.place, [one.arc for one in near], [one.time for one in near]))
         return max(now - drawn - rules.usual_lag, 0.0)
+
+    def between(self, begin: float, end: float) -> list[StrokePoint]:
+        """The points that were drawn from one arc length (m) to another, and one more on each side."""
+        first = bisect_left(self.points, begin, key=_arc)
+        last = bisect_right(self.points, end, key=_arc)
+        return self.points[max(first - 1, 0) : last + 1]
 
 
 def hurried(speeds: Array, gaps: Array, lag: float, rules: PenRules) -> Array:
@@ -159,10 +171,12 @@ def lay(
         return [], 0.0
     begin = max(walk.points[0].arc, walk.place - rules.behind)
     at = grid(begin, walk.length, rules.spacing)
-    places, style = averaged(walk.points, at, rules)
+    places, style = averaged(walk.between(begin - 1.0, walk.length), at, rules)
     if natural:
         whole = grid(max(walk.points[0].arc, begin - 10.0 * rules.natural_width), walk.length, rules.spacing)
-        drawn = averaged(walk.points, whole, rules)[0]
+        points = walk.between(float(whole[0]) - 0.1, walk.length)
+        arcs, table = np.array([one.arc for one in points]), np.array([one.place for one in points])
+        drawn = np.stack([np.interp(whole, arcs, table[:, k]) for k in range(2)], axis=1)
         places = minimum_jerk(drawn, rules.natural_width, rules.spacing, rules.natural_most)[-len(at) :]
     speeds = np.clip(style[:, 0], rules.slowest, rules.fastest)
     before = np.append(0.0, np.diff(at)) * (at > walk.place)
