@@ -23,7 +23,7 @@ class WebDriver(Driver):
         elif event.kind == "hands" and self.host.connected(
             event.device, driver="web", fields=["position", "bend"], rate=60.0, bend_unit="normalised"
         ):
-            self.seen.heard[event.device] = now
+            self.seen.heard[event.device] = self.host.clock()
             self.host.say(event.device, event.left, event.right, now)
 
     def leave(self, device: str, now: int, note: str) -> None:

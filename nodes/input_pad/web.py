@@ -25,7 +25,7 @@ class WebDriver(Driver):
             event.device, driver="web", fields=["axes", "buttons"], rate=60.0
         ):
             self.seen[event.device] = (len(event.axes), len(event.buttons))
-            self.silence.heard[event.device] = now
+            self.silence.heard[event.device] = self.host.clock()
             self.host.say(event.device, event.axes, event.buttons, now)
 
     def leave(self, device: str, now: int, note: str) -> None:

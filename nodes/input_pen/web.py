@@ -41,7 +41,7 @@ class WebDriver(Driver):
         """One sample; what leaves the range is forgotten."""
         self.touching.heard.pop(sample.device, None)
         if sample.contact:
-            self.touching.heard[sample.device] = now
+            self.touching.heard[sample.device] = self.host.clock()
         if sample.in_range:
             self.last[sample.device] = sample
         else:

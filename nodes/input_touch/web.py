@@ -37,7 +37,7 @@ class WebDriver(Driver):
         now = event.origin or self.host.clock()
         self.held.heard.pop(event.device, None)
         if live:
-            self.held.heard[event.device] = now
+            self.held.heard[event.device] = self.host.clock()
         self.host.frame(Frame(event.device, live, now, ended))
 
     def keep(self, now: int) -> None:

@@ -27,9 +27,11 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
 @pytest.fixture
 def person(browser: Any, hall: Hall) -> Iterator[Person]:
     one = Person(browser, hall)
-    yield one
+    try:
+        yield one
+    finally:
+        one.close()
     assert one.faults == []
-    one.close()
 
 
 def place(person: Person, role: str) -> np.ndarray:

@@ -95,9 +95,11 @@ def person(browser: Any, hall: Hall) -> Iterator[Person]:
     one = Person(browser, hall)
     one.reset()
     one.page.locator("label", has_text="Pen").first.click()
-    yield one
+    try:
+        yield one
+    finally:
+        one.close()
     assert one.faults == []
-    one.close()
 
 
 @pytest.fixture
