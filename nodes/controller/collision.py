@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bunraku.figure.boxes import box_axes, pair_gap, place_boxes_into
 from bunraku.figure.jit import kernel
 from bunraku.figure.limits import Limits
-from bunraku.figure.quat import rotate
+from bunraku.figure.quat import angle, mul_inv, rotate
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.placing import place_limb
 from bunraku.nodes.controller.state import Gains, State, Under
@@ -298,6 +298,7 @@ def avoid(
     yielding = np.empty(joints)
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
     goal, start, at_start = np.empty(3), np.empty(3), np.empty(3)
+    turn_before, change = np.empty(4), np.empty(4)
     limits = contacts.limits
     st.mode[2] = 0.0
     order = np.array([0, 1, 2, 3])
@@ -357,6 +358,8 @@ def avoid(
             yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
         )  # fmt: skip
         gap_before = gap
+        upper = rig.limbs[limb, 0]
+        turn_before[:] = rotations_ws[upper]
         far = distance(goal, positions_ws[rig.limbs[limb, 2]])
         for k in range(3):
             at_start[k] = positions_ws[rig.limbs[limb, 2], k]
@@ -371,7 +374,8 @@ def avoid(
                 1.0, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
             )  # fmt: skip
             nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
-            turned = abs(st.swivels[limb] - swivels_before[limb])
+            mul_inv(rotations_ws[upper], turn_before, change)
+            turned = max(abs(st.swivels[limb] - swivels_before[limb]), angle(change))
             slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt
             slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
             # A free limb's goal is always just ahead: after a while it may also slide past what is in its way.

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
 from bunraku.figure.rig import Rig
-from bunraku.nodes.controller.legs import knee_pace
+from bunraku.figure.spring import spring_to_into
 from bunraku.nodes.controller.over import ease_point
-from bunraku.nodes.controller.relaxing import carry_hand, relax_hand, relax_point, wanted_velocity
+from bunraku.nodes.controller.relaxing import carry_hand, relax_hand
 from bunraku.nodes.controller.state import Gains, Held, State
 from bunraku.nodes.controller.step import IDLE, PHASE
 from bunraku.nodes.controller.tracking import follow_point
@@ -22,8 +22,8 @@ KNEE_LIFT = 0.10
 """m that a held knee is pulled before it lifts its foot."""
 STUCK, DETOUR = 0.3, 3.0
 """s after which an arm that something stops goes round it, and how far out."""
-LANDING_TIME = 0.45
-"""Time constant of the last bit of a sinking foot, s."""
+LANDED = 1.5e-3
+"""m above the ground where a foot that comes down stands."""
 
 
 @kernel
@@ -123,13 +123,8 @@ def move_ends(
             )  # fmt: skip
         elif st.planted[limb - 2] < 0.5 and st.step[PHASE] == IDLE:
             side = limb - 2
-            wanted_velocity(st.points[row], goals[row], gains.relax_feet, LANDING_TIME, wanted)
-            calm = max(0.05, knee_pace(rig, limb, positions_ws[rig.limbs[limb, 0]], st.points[row], wanted))
-            relax_point(
-                st.points[row], st.velocities[row], goals[row], calm * gains.relax_feet, LANDING_TIME / calm,
-                gains.ease_time, dt,
-            )  # fmt: skip
-            if st.points[row, 1] <= rig.ankle_heights[side] + 5e-4:
+            spring_to_into(st.points[row], st.velocities[row], goals[row], gains.landing_half_life, dt)
+            if st.points[row, 1] <= rig.ankle_heights[side] + LANDED:
                 st.points[row, 1] = rig.ankle_heights[side]
                 st.planted[side] = 1.0
                 for k in range(3):

@@ -21,7 +21,7 @@ NARROW, WIDE, LONG = 0.12, 0.45, 0.24
 """m: how near and far aside, and how far ahead or behind, a foot comes down from the other one."""
 NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.03, 0.20
 """m: how far the pelvis gets from the line between both feet, past its ends, or from the one that stands."""
-CALM_KNEE = 0.75
+CALM_KNEE = 0.90
 """rad/s: the fastest that a knee turns by relaxing."""
 LOWEST_PELVIS = 0.25
 """m above the floor."""
@@ -135,12 +135,12 @@ def landing_place(rig: Rig, side: int, x: Array, anchor: Array, over_foot: bool,
 
 
 @kernel
-def sink_to_land(rig: Rig, side: int, foot: Array, landing: Array, pelvis: Array, heading: float) -> float:
-    """How far the pelvis (3, m) must sink for a free foot (3, m) that is near the ground to reach its landing (3).
+def sink_to_land(rig: Rig, side: int, foot: Array, landing: Array, pelvis: Array, heading: float, free: bool) -> float:
+    """How far the pelvis (3, m) must sink for a foot (3, m), free or near the ground, to reach its landing (3).
 
     A straight standing leg leaves the other one hanging wherever it is not right below its hip.
     """
-    near = min(1.0, max(0.0, (LANDING_HIGH - (foot[1] - landing[1])) / LANDING_BLEND))
+    near = 1.0 if free else min(1.0, max(0.0, (LANDING_HIGH - (foot[1] - landing[1])) / LANDING_BLEND))
     if near <= 0.0:
         return 0.0
     c, s = cos(heading), sin(heading)

@@ -61,7 +61,9 @@ class Controller(Node):
     relax_reach: float = param(
         _GAINS.relax_reach, low=0.0, high=10.0, doc="m/s at which the pelvis comes back from a reach"
     )
-    relax_feet: float = param(_GAINS.relax_feet, low=0.0, high=10.0, doc="m/s at which free feet sink to the floor")
+    landing_half_life: float = param(
+        _GAINS.landing_half_life, low=0.02, high=2.0, doc="s in which a free foot comes down to the floor"
+    )
     relax_pelvis: float = param(
         _GAINS.relax_pelvis, low=0.0, high=10.0, doc="m/s at which a released pelvis comes back; 0 leaves it"
     )

@@ -53,7 +53,8 @@ def find_goals(rig: Rig, st: State, under: Under, goals: Array, goal_turns: Arra
             landing_place(rig, limb, st.points[3 + limb], st.points[0], False, heading, goals[3 + limb])
     for limb in range(2):
         if st.planted[limb] < 0.5 and st.planted[1 - limb] > 0.5:
-            goals[0, 1] -= sink_to_land(rig, limb, st.points[3 + limb], goals[3 + limb], goals[0], heading)
+            free = st.held[3 + limb] < 0.5
+            goals[0, 1] -= sink_to_land(rig, limb, st.points[3 + limb], goals[3 + limb], goals[0], heading, free)
     yaw_turn(heading, goal_turns[0])
     yaw_turn(heading, goal_turns[1])
 

@@ -15,6 +15,7 @@ from bunraku.figure.mass import center_of_mass_into
 from bunraku.figure.pointpose import reconstruct_into
 from bunraku.figure.quat import log, mul_inv
 from bunraku.figure.rig import Rig, unpack_rig
+from bunraku.figure.spring import lag, spring_to_into
 from bunraku.nodes.controller.agreement import agree, hold_back, nothing_driven
 from bunraku.nodes.controller.collision import Contacts, avoid, unpack_contacts
 from bunraku.nodes.controller.ends import move_ends
@@ -53,6 +54,8 @@ FASTEST_TURN = 20.0
 """rad/s: a held orientation that turns faster has jumped."""
 FREE_WAY = 0.3
 """Share of its relaxing speed with which a free limb slides along something."""
+HURRY_HALF_LIFE = 0.08
+"""s in which the speed of a limb's goal is forgotten."""
 LEAST_SPAN = 1.0 / 120.0
 """s: the shortest step over which velocities are measured."""
 
@@ -284,6 +287,7 @@ def move_pelvis(
             nowhere, at_once = np.zeros(3), np.zeros(3)
             relax_point(st.pelvis_rest, at_once, nowhere, gains.relax_pelvis, gains.relax_time, 1e-6, dt)
         wanted, calm = np.empty(3), 1.0
+        low, sinking = st.points[0, 1:2].copy(), st.velocities[0, 1:2].copy()
         wanted_velocity(st.points[0], goals[0], gains.relax_reach, gains.relax_time, wanted)
         for side in range(2):
             if st.planted[side] > 0.5:
@@ -293,7 +297,20 @@ def move_pelvis(
             st.points[0], st.velocities[0], goals[0], calm * gains.relax_reach, gains.relax_time / calm,
             gains.ease_time, dt,
         )  # fmt: skip
+        if goals[0, 1] < low[0] and foot_lands(st):
+            # Down to meet a foot that lands as fast as it comes.
+            spring_to_into(low, sinking, goals[0, 1:2], gains.landing_half_life, dt)
+            st.points[0, 1], st.velocities[0, 1] = low[0], sinking[0]
     st.held[0] = flags[0]
+
+
+@kernel
+def foot_lands(st: State) -> bool:
+    """Whether a free foot is on its way to the ground while the other one stands."""
+    for side in range(2):
+        if st.planted[side] < 0.5 and st.held[3 + side] < 0.5 and st.planted[1 - side] > 0.5:
+            return st.step[PHASE] == IDLE
+    return False
 
 
 @kernel
@@ -320,9 +337,13 @@ def measure_ways(
                 root = positions_ws[rig.limbs[limb, 0], k] - st.roots[limb, k]
                 way += (st.points[1 + limb, k] - before[1 + limb, k] - root) ** 2
         moved[limb] = sqrt(way)
-        if flags[1 + limb] < 0.5 and not over:
-            # What is free moves only as fast as it relaxes.
+        if flags[1 + limb] < 0.5 and limb < 2 and not over:
+            # A free hand moves only as fast as it relaxes.
             moved[limb] = min(moved[limb], FREE_WAY * gains.relax_ends * dt)
+        if dt > 0.0:
+            # What was quick a moment ago may still be made up for.
+            st.hurry[limb] += (moved[limb] / dt - st.hurry[limb]) * lag(HURRY_HALF_LIFE, dt)
+            moved[limb] = max(moved[limb], st.hurry[limb] * dt)
 
 
 @kernel

@@ -30,12 +30,12 @@ class Gains(NamedTuple):
     """The pelvis's part of a balance correction (eqs 17-18)."""
     relax_trunk: float = 0.33
     """rad/s at which the trunk and the head come upright."""
-    relax_ends: float = 0.34
+    relax_ends: float = 0.40
     """m/s at which free hands sink."""
-    relax_reach: float = 0.10
+    relax_reach: float = 0.16
     """m/s at which the pelvis comes back from a reach."""
-    relax_feet: float = 0.30
-    """m/s at which free feet sink to the floor."""
+    landing_half_life: float = 0.10
+    """Half-life with which a free foot comes down to the floor, and the pelvis to meet it."""
     relax_pelvis: float = 0.0
     """m/s at which a released pelvis comes back; 0 leaves it where it was let go."""
     relax_time: float = 0.22
@@ -108,13 +108,14 @@ class State(NamedTuple):
     pelvis_rest: Array  # (3,) m, where the pelvis was left against its place over the feet
     wishes: Array  # (4, 3) m, the ends as they went into the limbs, before joint limits held them back
     stuck: Array  # (4,) s that a free limb could not go on
+    hurry: Array  # (4,) m/s, how fast each limb's goal has moved lately
     beyond: Array  # (4, 3) m, forearm or shin when its elbow or knee was grabbed
     lift: Array  # (2,) a foot that a held knee has lifted
     mode: Array  # (3,) started, over a motion, something touches
     step: Array  # (32,) see bunraku.nodes.controller.step
 
 
-STATE_SIZE = 281
+STATE_SIZE = 285
 """Numbers in a state."""
 
 
@@ -151,10 +152,11 @@ def unpack_state(b: Array) -> State:
         b[213:216],
         b[216:228].reshape(4, 3),
         b[228:232],
-        b[232:244].reshape(4, 3),
-        b[244:246],
-        b[246:249],
-        b[249:281],
+        b[232:236],
+        b[236:248].reshape(4, 3),
+        b[248:250],
+        b[250:253],
+        b[253:285],
     )
 
 
