@@ -55,5 +55,5 @@ def launch(
         shots = {"output": film, "window": window, "fps": 60, "figures": list(NAMES)}
         specs.append(node("renderer", params=shots, stop=60.0))
     if record or source == "web":  # the page asks it for takes
-        specs.insert(0, node("recorder", params={"output": record, "overwrite": bool(record)}, respawn=True, stop=20.0))
+        specs.insert(0, node("recorder", params={"output": record}, respawn=True, stop=20.0))
     return specs

@@ -13,7 +13,6 @@ def launch(
     device: Literal["pen", "pad"] = "pen",
     script: str = "",
     path: str = "",
-    controller: bool = False,
     early: bool = False,
     natural: bool = False,
     scale: float = 16.0,
@@ -32,9 +31,9 @@ def launch(
     /dev/input/event5; else the first that is found); device:=pad takes a gamepad in the pen's place (web, evdev,
     script); script:= is a performance (.pen, .pad); scale:= is how many metres of the ground a
     metre of a tablet is; early:=true begins to walk before a stroke is a step long; natural:=true walks as people do
-    instead of exactly as the hand drew; obstacles:= is a file of what is walked round (.toml); controller:=true lays
-    touches, balance and collision avoidance over the walk; ground:= is a file of uneven ground; page:=true serves the
-    page beside another source; record:=, film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
+    instead of exactly as the hand drew; obstacles:= is a file of what is walked round (.toml); ground:= is a file of
+    uneven ground; page:=true serves the page beside another source; record:=, film:= and sheet:= name the bag, the
+    mp4 and the sheet of pictures to write.
     """
     if source == "hid" and device == "pad":
         raise LaunchError("pen: source: hid reads pens; play a gamepad by web, evdev or script")
@@ -44,7 +43,7 @@ def launch(
         pen["script"] = script
     if path:
         pen[source if source in ("hid", "evdev") else "evdev"] = path
-    blender: dict[str, object] = {"skeleton": not controller, "ground": ground}
+    blender: dict[str, object] = {"skeleton": True, "ground": ground}
     # From above, so that the ground is wide; pen up is away from the viewer.
     view = {
         "azimuth": 0.0,
@@ -58,18 +57,13 @@ def launch(
     specs = [
         node(f"input_{device}", params=pen, respawn=source != "script", required=source == "script"),
         node("interpreter", params=view, respawn=True),
-        node("blender", params=blender, remap={} if controller else MOTION_AS_POSE, respawn=True),
+        node("blender", params=blender, remap=MOTION_AS_POSE, respawn=True),
     ]
-    if controller:
-        specs.append(node("controller", respawn=True))
     if web:
-        if controller:
-            specs.insert(1, node("input_touch", params={"drivers": ["web"]}, respawn=True))
         specs.append(node("web", params={"lan": lan}, respawn=True))
     if film or sheet or window != "off":
         shots = {"output": film, "sheet": sheet, "window": window, "fps": 60}
         specs.append(node("renderer", params=shots, stop=60.0))
     if record or web:  # the page asks it for takes
-        keep = {"output": record, "overwrite": bool(record)}
-        specs.insert(0, node("recorder", params=keep, respawn=True, stop=20.0))
+        specs.insert(0, node("recorder", params={"output": record}, respawn=True, stop=20.0))
     return specs

@@ -84,7 +84,8 @@ def test_two_figures_follow_a_pen_each(launch: Launch) -> None:
 
 
 def test_the_pen_walks_a_figure_that_the_controller_holds(launch: Launch) -> None:
-    stack = launch("pen", "source:=hid", "controller:=true", "window:=off", "--without", "input_pen")
+    fingers = ("touch:=none", "--without", "input_touch")  # this test is the pen
+    stack = launch("mixed", "source:=script", "pen:=none", "window:=off", "--without", "input_pen", *fingers)
     pose, motion = Clock(stack, "pose"), Clock(stack, "motion")
     begun = place(pose.wait())
     pen = Pen(stack, "pen")
