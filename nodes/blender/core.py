@@ -328,7 +328,8 @@ class BlenderCore:
                 "walk": None if walk is None else [walk.id, walk.gait, walk.end, walk.heading],
                 "prints": self.prints,
                 "odd": self.moves.odd,
-            }
+            },
+            enc_hook=float,  # numpy's floats, which uncompiled kernels leave
         )
 
     def restore(self, state: bytes) -> None:
