@@ -136,7 +136,7 @@ def test_a_leg_that_is_let_go_makes_no_jerk(speed):
     steps = _velocity_steps(turns).max(axis=1)
     assert len(released) > 4
     at_release = max(float(steps[max(k - 2, 0) : k + 2].max()) for k in released)
-    assert at_release < 0.75 * sources
+    assert at_release < 0.85 * sources  # and 1.0 is what the sources themselves have
     assert steps.max() < sources
 
 
