@@ -34,6 +34,8 @@ LAST_ROUNDS = 6
 """Most rounds in which balance alone has the last word."""
 ENOUGH = 2e-4
 """m: shifts below this end the rounds."""
+LACK, GAIN = 1e-3, 0.1
+"""m that hands still lack, and the share of it (m, rad) that a round must bring for tracking to go on."""
 STILL_BENDS = 0.04
 """rad by which the trunk bends in a round in which the knees still wait."""
 REACH_DUCK = 0.74
@@ -121,7 +123,9 @@ def agree(
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping, True
         )  # fmt: skip
-    for round_ in range(ROUNDS + LAST_ROUNDS):
+    round_ = -1
+    while round_ + 1 < ROUNDS + LAST_ROUNDS:
+        round_ += 1
         last_word = round_ >= ROUNDS
         reconstruct_into(
             rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
@@ -146,12 +150,12 @@ def agree(
                 hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - st.points[0, k]
         for k in range(2):
             pelvis_weights[k], trunk_weights[k] = 0.0, 0.0
-        most = 0.0
+        most, turned = 0.0, 0.0
+        lacking, arms_lacking = 0, 0
         # Tracking: the mean of what the held ends still lack.
         if not last_word:
             for k in range(3):
                 shift[k] = 0.0
-            lacking, arms_lacking = 0, 0
             for k in range(3):
                 shoulder[k] = 0.0
             for limb in range(4):
@@ -231,6 +235,8 @@ def agree(
                 turn[k] = st.turns[0, k]
             blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
             keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
+            mul_inv(st.turns[0], turn, turn)
+            turned = angle(turn)
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
             not stepping and not over, not over,
@@ -242,6 +248,9 @@ def agree(
             moved += (st.points[0, k] - start[k]) ** 2
         if most < ENOUGH and moved < 1e-8:
             break
+        if arms_lacking > 0 and arms_lacking == lacking and most > LACK and sqrt(moved) + turned < GAIN * most:
+            # Trunk and pelvis are at their ends: more rounds would bring a hand no nearer.
+            round_ = max(round_, ROUNDS - 1)
     return size
 
 
@@ -262,9 +271,8 @@ def hold_back(
             for k in range(3):
                 way += (st.aims[1 + limb, k] - aims_before[1 + limb, k]) ** 2
             moved += sqrt(way)
-    over = under.active[0] > 0.5
     for side in range(2):
-        if st.support[side] > 0.0 and st.planted[side] < 0.5 and not over:
+        if st.support[side] > 0.0 and st.planted[side] < 0.5:
             moved += SHIFT_WEIGHT * dt
     way = 0.0
     if flags[0] < 0.5:
@@ -287,8 +295,7 @@ def hold_back(
             st.points[0, k] = pelvis[k] + most * (st.points[0, k] - pelvis[k])
             for side in range(2):
                 hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
-        duck = 0.0 if over else gains.duck
         keep_pelvis_over_feet(
-            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not over, not over
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, gains.duck, False, True, True
         )  # fmt: skip
     return True

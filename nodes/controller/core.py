@@ -220,11 +220,14 @@ class Stack:
         dt = min(max(dt, 0.0), MOST_TIME)
         # Where something touches, always at one rate, so that it slides the same way at every rate.
         count = max(1, int(np.ceil(dt / (CONTACT if self.state.mode[2] > 0.5 else LONGEST) - 1e-6)))
-        wanted = self.held.points.copy()
+        wanted, carried = self.held.points.copy(), np.zeros(3)
         for n in range(count):
+            if self.under.active[0] > 0.5 and self.state.mode[1] > 0.5:
+                # What lies over a motion goes on with it at once, as all the rest of the figure does.
+                carried = self.under.points[0] - self.state.goals[0]
             for row in range(5):
                 if self.state.held[row] > 0.5:
-                    from_ = self.state.targets[row]
+                    from_ = self.state.targets[row] + carried
                     self.held.points[row] = from_ + (wanted[row] - from_) / (count - n)
             self._advance(dt / count)
         self.held.points[:] = wanted

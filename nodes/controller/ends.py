@@ -20,6 +20,8 @@ UNPLANT = 0.01
 """m that a held foot is pulled before it leaves its place."""
 KNEE_LIFT = 0.10
 """m that a held knee is pulled before it lifts its foot."""
+NEAR_ROOT = 0.5
+"""Share of the upper bone from its root within which the place of a held elbow or knee counts less."""
 STUCK, DETOUR = 0.3, 3.0
 """s after which an arm that something stops goes round it, and how far out."""
 LANDED = 1.5e-3
@@ -37,6 +39,12 @@ def held_hinge(rig: Rig, st: State, limb: int, held: Held, positions_ws: Array, 
     d = 0.0
     for k in range(3):
         out[k] = held.hinges[limb, k] - positions_ws[upper, k]
+        d += out[k] * out[k]
+    # Near the shoulder or hip itself a place says little about the direction: the bone stays about as it is.
+    near = max(0.0, 1.0 - sqrt(d) / (NEAR_ROOT * rig.lengths[limb, 0]))
+    d = 0.0
+    for k in range(3):
+        out[k] += near * (positions_ws[lower, k] - positions_ws[upper, k])
         d += out[k] * out[k]
     d = max(sqrt(d), 1e-6)
     for k in range(3):

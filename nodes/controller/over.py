@@ -1,17 +1,37 @@
 """Over a motion: free parts are where the motion has them, plus what a touch has left, which evens out.
 
 The motion's own movement is never smoothed; only the way from it to the figure is, as a critically damped spring.
+What a touch asks for may change at once (a foot comes down, an arm goes the other way round): trunk and pelvis
+take it up at a pace (`keep_pace`), limbs as a fading difference (`even_limbs`; inertial blending, Bollo 2018).
 """
+
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
-from bunraku.figure.quat import exp, log, mul, mul_inv
+from bunraku.figure.quat import angle, exp, inv_mul, log, mul, mul_inv, rotate, slerp
+from bunraku.figure.rig import Rig
 from bunraku.figure.spring import spring_decay_into
-from bunraku.nodes.controller.state import State
+from bunraku.nodes.controller.state import Gains, Held, State, Under
 
 Array = NDArray[np.float64]
+
+PELVIS_PER_WAY, PELVIS_PACE = 1.2, 0.4
+"""How far the pelvis leaves its motion for every metre of what is held, and m/s on top."""
+TRUNK_PER_WAY, TRUNK_PACE = 3.0, 1.0
+"""rad/m and rad/s: the same for the trunk's turn."""
+LIMB_PER_WAY, LIMB_PACE = 1.5, 1.2
+"""How far an elbow, a knee or an end leaves its motion for every metre of its goal, and m/s on top."""
+HINGE_PACE = 2.5
+"""m/s: the most that the end under a held elbow or knee counts for."""
+MOST_DRIFT, MOST_SPIN = 1.0, 1.5
+"""m/s and rad/s: how much of their own movement pelvis and trunk go on with beside that."""
+TRUNK_LEVER = 0.5
+"""m from the pelvis to the shoulders."""
+TOES = 0.15
+"""m: how far a foot reaches from its ankle."""
 
 
 @kernel
@@ -46,16 +66,175 @@ def ease_turn(way: Array, spin: Array, goal: Array, half_life: float, dt: float,
 
 
 @kernel
-def remember_ways(st: State, before: Array, turned: Array, goals: Array, goal_turns: Array, span: float) -> None:
+def remember_ways(
+    st: State, before: Array, turned: Array, goals: Array, goal_turns: Array, paces: Array, span: float
+) -> None:  # fmt: skip
     """Keep how fast every part moves against the motion, so that one that is let go goes on as it moved.
 
-    ``before`` (5, 3) and ``turned`` (2, 3) are the ways of the last step (`way_from_motion`).
+    ``before`` (5, 3) and ``turned`` (2, 3) are the ways of the last step (`way_from_motion`), ``paces`` (4,) m/s how
+    fast limbs may have gone (`even_limbs`): what jumped does not go on.
     """
     ways, turns = np.empty((5, 3)), np.empty((2, 3))
     way_from_motion(st, goals, goal_turns, ways, turns)
     for n in range(5):
         for k in range(3):
             st.velocities[n, k] = (ways[n, k] - before[n, k]) / span
+        if n > 0:
+            slower = min(1.0, paces[n - 1] / max(size_of(st.velocities[n]), 1e-9))
+            for k in range(3):
+                st.velocities[n, k] *= slower
     for n in range(2):
         for k in range(3):
             st.spins[n, k] = (turns[n, k] - turned[n, k]) / span
+
+
+@kernel
+def size_of(v: Array) -> float:
+    """Length of a vector (3)."""
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@kernel
+def keep_pace(
+    st: State, held: Held, flags: Array, goals: Array, goal_turns: Array, ways: Array, turns: Array,
+    aims_before: Array, dt: float,
+) -> float:  # fmt: skip
+    """Let pelvis and trunk leave their motion only about as fast as what is held moves, in place.
+
+    ``ways`` (5, 3) and ``turns`` (2, 3) are the last step's (`way_from_motion`), ``aims_before`` (5, 3, m) where held
+    ends were wanted, taken along by the motion.
+
+    Returns:
+        How far (m) shoulders and hips may have moved against the motion.
+    """
+    moved = 0.0
+    v, q, carried = np.empty(3), np.empty(4), np.empty(4)
+    for limb in range(4):
+        if flags[1 + limb] > 0.5:
+            for k in range(3):
+                v[k] = st.aims[1 + limb, k] - aims_before[1 + limb, k]
+            moved += size_of(v)
+    for k in range(3):
+        v[k] = st.velocities[0, k] * dt
+        if flags[0] > 0.5:
+            v[k] -= goals[0, k] - st.goals[0, k]
+    if flags[0] > 0.5:
+        most = PELVIS_PER_WAY * moved + size_of(v) + PELVIS_PACE * dt
+        moved += size_of(v)
+    else:
+        most = PELVIS_PER_WAY * moved + min(size_of(v), MOST_DRIFT * dt) + PELVIS_PACE * dt
+    for k in range(3):
+        v[k] = st.points[0, k] - goals[0, k] - ways[0, k]
+    way = size_of(v)
+    if way > most:
+        for k in range(3):
+            st.points[0, k] = goals[0, k] + ways[0, k] + most / way * v[k]
+    exp(turns[0], q)
+    mul(q, goal_turns[0], carried)
+    mul_inv(st.turns[0], carried, q)
+    turned = angle(q)
+    widest = TRUNK_PER_WAY * moved + (min(size_of(st.spins[0]), MOST_SPIN) + TRUNK_PACE) * dt
+    if held.flags[5] < 0.5 and turned > widest:
+        slerp(carried, st.turns[0], widest / turned, st.turns[0])
+        turned = widest
+    return min(way, most) + TRUNK_LEVER * turned
+
+
+@kernel
+def limb_places(rig: Rig, limb: int, base: Array, differences: Array, out: Array) -> None:
+    """Where a limb's hinge, end and tip are (3, 3, m, in the frame it hangs from) by differences (3, 4) from a base."""
+    turn, q, v = np.empty(4), np.empty(4), np.empty(3)
+    for k in range(3):
+        out[0, k] = 0.0
+    turn[0], turn[1], turn[2], turn[3] = 0.0, 0.0, 0.0, 1.0
+    for n in range(3):
+        mul(base[rig.limbs[limb, n]], differences[n], q)
+        mul(turn, q, turn)
+        if n < 2:
+            rotate(turn, rig.offsets[rig.limbs[limb, n + 1]], v)
+        else:
+            v[0], v[1], v[2] = 0.0, 0.0, TOES if limb >= 2 else 0.0
+            rotate(turn, v, v)
+        for k in range(3):
+            out[n, k] = v[k] + (out[n - 1, k] if n > 0 else 0.0)
+
+
+@kernel
+def forget_limbs(st: State) -> None:
+    """Over no motion nothing is kept of one."""
+    st.leads[:] = 0.0
+    st.fades[:] = 0.0
+    st.fade_rates[:] = 0.0
+
+
+@kernel
+def even_limbs(
+    rig: Rig, gains: Gains, st: State, held: Held, under: Under, flags: Array, moved: Array, around: float,
+    rotations_ls: Array, positions_ws: Array, rotations_ws: Array, paces: Array, dt: float,
+) -> None:  # fmt: skip
+    """Even out what a limb leaves its motion by at once, in place.
+
+    A limb's difference from its motion may change as fast as its goal and ``around`` (m, its shoulder or hip) do and
+    `LIMB_PACE` on top (written to ``paces``, (4,) m/s); the rest of a change goes into a difference that fades.
+    """
+    base = under.base.rotations_ls
+    now, change, places, places_before = np.empty((3, 4)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    q, v = np.empty(4), np.empty(3)
+    for limb in range(4):
+        for n in range(3):
+            joint = rig.limbs[limb, n]
+            inv_mul(base[joint], rotations_ls[joint], now[n])
+        goal = moved[limb] if flags[1 + limb] > 0.5 else size_of(st.velocities[1 + limb]) * dt
+        if held.flags[8 + limb] > 0.5:
+            # Where the end under a held elbow or knee goes may turn round at once near the root.
+            goal = min(goal, HINGE_PACE * dt)
+        most = LIMB_PER_WAY * goal + around + LIMB_PACE * dt
+        paces[limb] = most / max(dt, 1e-6)
+        lead, fade, rate = st.leads[limb], st.fades[limb], st.fade_rates[limb]
+        faded = False
+        if lead[0, 3] != 0.0 or lead[0, 0] != 0.0 or lead[0, 1] != 0.0 or lead[0, 2] != 0.0:
+            limb_places(rig, limb, base, lead, places_before)
+            limb_places(rig, limb, base, now, places)
+            farthest = 0.0
+            for n in range(3):
+                for k in range(3):
+                    v[k] = places[n, k] - places_before[n, k]
+                farthest = max(farthest, size_of(v))
+            share = max(0.0, 1.0 - most / max(farthest, 1e-9))
+            for n in range(3):
+                spring_decay_into(fade[n], rate[n], gains.motion_half_life, dt)
+                if share > 0.0:
+                    inv_mul(now[n], lead[n], q)
+                    log(q, change[n])
+                    for k in range(3):
+                        change[n, k] *= share
+                    exp(change[n], q)
+                    add_turn(q, fade[n])
+                faded = faded or size_of(fade[n]) > 1e-5
+        for n in range(3):
+            for k in range(4):
+                lead[n, k] = now[n, k]
+        if not faded:
+            continue
+        for n in range(3):
+            exp(fade[n], q)
+            joint = rig.limbs[limb, n]
+            mul(rotations_ls[joint], q, rotations_ls[joint])
+        upper = rig.limbs[limb, 0]
+        for joint in range(upper, rig.parents.shape[0]):
+            parent = rig.parents[joint]
+            if joint != upper and parent < upper:
+                break
+            rotate(rotations_ws[parent], rig.offsets[joint], v)
+            for k in range(3):
+                positions_ws[joint, k] = positions_ws[parent, k] + v[k]
+            mul(rotations_ws[parent], rotations_ls[joint], rotations_ws[joint])
+
+
+@kernel
+def add_turn(turn: Array, vector: Array) -> None:
+    """Put a turn (4) before a rotation vector (3), in place."""
+    q = np.empty(4)
+    exp(vector, q)
+    mul(turn, q, q)
+    log(q, vector)

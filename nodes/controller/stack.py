@@ -23,7 +23,15 @@ from bunraku.nodes.controller.heading import seek_step, turn_feet, update_headin
 from bunraku.nodes.controller.hinges import turn_hinges
 from bunraku.nodes.controller.interaction import sway_hands, sway_trunk
 from bunraku.nodes.controller.legs import knee_pace, lean_room
-from bunraku.nodes.controller.over import ease_point, ease_turn, remember_ways, way_from_motion
+from bunraku.nodes.controller.over import (
+    ease_point,
+    ease_turn,
+    even_limbs,
+    forget_limbs,
+    keep_pace,
+    remember_ways,
+    way_from_motion,
+)
 from bunraku.nodes.controller.relaxing import (
     carry_turn,
     keep_head,
@@ -149,7 +157,14 @@ def advance(
         rig, gains, st, held, under, contacts, untouched, arms, flags, mass_share, hull, center, rotations_ls,
         positions_ws, rotations_ws,
     )  # fmt: skip
-    if not (stepping or untouched) and hold_back(
+    around = 0.0
+    if over and not untouched:
+        around = keep_pace(st, held, flags, goals, goal_turns, ways_before, turned_before, aims_before, dt)
+        reconstruct_into(
+            rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
+            rotations_ws,
+        )  # fmt: skip
+    elif not (stepping or over) and hold_back(
         rig, gains, st, held, under, flags, aims_before, relaxed_pelvis, relaxed_trunk, positions_ws, dt
     ):  # fmt: skip
         reconstruct_into(
@@ -170,12 +185,19 @@ def advance(
         rig, gains, st, under, contacts, untouched, flags, swivels_before, plain, moved, rotations_ls, positions_ws,
         rotations_ws, dt,
     )  # fmt: skip
+    paces = np.empty(4)
+    if over:
+        even_limbs(
+            rig, gains, st, held, under, flags, moved, around, rotations_ls, positions_ws, rotations_ws, paces, dt
+        )  # fmt: skip
     remember(
         rig, st, held, flags, before, trunk_before[0], carried[0], relaxed_trunk, relaxed_pelvis, arms, goals,
         goal_turns, positions_ws, max(dt, LEAST_SPAN),
     )  # fmt: skip
     if over:
-        remember_ways(st, ways_before, turned_before, goals, goal_turns, max(dt, LEAST_SPAN))
+        remember_ways(st, ways_before, turned_before, goals, goal_turns, paces, max(dt, LEAST_SPAN))
+    else:
+        forget_limbs(st)
     center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
     return size
 
@@ -309,7 +331,7 @@ def foot_lands(st: State) -> bool:
     """Whether a free foot is on its way to the ground while the other one stands."""
     for side in range(2):
         if st.planted[side] < 0.5 and st.held[3 + side] < 0.5 and st.planted[1 - side] > 0.5:
-            return st.step[PHASE] == IDLE
+            return bool(st.step[PHASE] == IDLE)
     return False
 
 
@@ -340,7 +362,9 @@ def measure_ways(
         if flags[1 + limb] < 0.5 and limb < 2 and not over:
             # A free hand moves only as fast as it relaxes.
             moved[limb] = min(moved[limb], FREE_WAY * gains.relax_ends * dt)
-        if dt > 0.0:
+        if over and flags[1 + limb] < 0.5:
+            st.hurry[limb] = 0.0
+        elif dt > 0.0:
             # What was quick a moment ago may still be made up for.
             st.hurry[limb] += (moved[limb] / dt - st.hurry[limb]) * lag(HURRY_HALF_LIFE, dt)
             moved[limb] = max(moved[limb], st.hurry[limb] * dt)

@@ -113,9 +113,12 @@ class State(NamedTuple):
     lift: Array  # (2,) a foot that a held knee has lifted
     mode: Array  # (3,) started, over a motion, something touches
     step: Array  # (32,) see bunraku.nodes.controller.step
+    leads: Array  # (4, 3, 4) each limb's joints against the motion at the last step; 0 over none
+    fades: Array  # (4, 3, 3) rad, what is left of changes that were too quick
+    fade_rates: Array  # (4, 3, 3) rad/s
 
 
-STATE_SIZE = 285
+STATE_SIZE = 405
 """Numbers in a state."""
 
 
@@ -157,6 +160,9 @@ def unpack_state(b: Array) -> State:
         b[248:250],
         b[250:253],
         b[253:285],
+        b[285:333].reshape(4, 3, 4),
+        b[333:369].reshape(4, 3, 3),
+        b[369:405].reshape(4, 3, 3),
     )
 
 
