@@ -38,6 +38,8 @@ LACK, GAIN = 1e-3, 0.1
 """m that hands still lack, and the share of it (m, rad) that a round must bring for tracking to go on."""
 STILL_BENDS = 0.04
 """rad by which the trunk bends in a round in which the knees still wait."""
+STRAIN = 0.005
+"""m that a held end lacks from which the step is made of short ones, so that it goes the same way at every rate."""
 REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.06, 8.0, 0.4
@@ -66,19 +68,6 @@ def nothing_driven(held: Held, ways: Array, turns: Array) -> bool:
 
 
 @kernel
-def held_off(target: Array, end: Array, shift: Array) -> float:
-    """How far (m) a limb's end is from its target; ``shift`` (3) becomes that way where it is the longer one."""
-    lack, far = 0.0, 0.0
-    for k in range(3):
-        lack += (target[k] - end[k]) ** 2
-        far += shift[k] ** 2
-    if lack > far:
-        for k in range(3):
-            shift[k] = target[k] - end[k]
-    return sqrt(lack) if lack > 1e-8 else 0.0
-
-
-@kernel
 def keep_near(middle: Array, most: float, point: Array) -> None:
     """Keep a point (3) within ``most`` (m) of another (3), in place."""
     d = sqrt((point[0] - middle[0]) ** 2 + (point[1] - middle[1]) ** 2 + (point[2] - middle[2]) ** 2)
@@ -97,6 +86,7 @@ def agree(
 
     On return the world arrays hold the agreed pose, with the swivels of the last step.
     """
+    st.mode[2] = 0.0
     shift, part, rest, chest, shoulder = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     pelvis_votes, trunk_votes = np.empty((2, 3)), np.empty((2, 4))
     pelvis_weights, trunk_weights = np.empty(2), np.empty(2)
@@ -164,9 +154,6 @@ def agree(
                     lack = root_shift(
                         st.points[1 + limb], positions_ws[rig.limbs[limb, 0]], under.base.exact[limb], part
                     )  # fmt: skip
-                    if limb >= 4:
-                        # The hip's limits count as well: a high kick takes the pelvis along.
-                        lack = max(lack, held_off(st.points[1 + limb], positions_ws[rig.limbs[limb, 2]], part))
                     if lack > 0.0:
                         most = max(most, lack)
                         lacking += 1
@@ -177,6 +164,8 @@ def agree(
                         for k in range(3):
                             shift[k] += part[k]
             if lacking > 0:
+                if most > STRAIN:
+                    st.mode[2] = 1.0
                 size_ = 0.0
                 for k in range(3):
                     shift[k] /= lacking

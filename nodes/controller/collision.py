@@ -25,6 +25,10 @@ Index = NDArray[np.int64]
 
 NEAR = 0.031
 """m: what is farther apart is not measured."""
+SOON = 1.0 / 15.0
+"""s: two of the longest steps, so that a limb that is about to touch something does so at the contact's own rate."""
+ARM, CARRIED = 0.6, 0.02
+"""m from the back's joint to where the trunk's turn carries an arm, and m/s from which it is carried."""
 STRIDE = 0.04
 """m: the longest way between two looks."""
 MOST_STRIDES = 10
@@ -45,8 +49,12 @@ LEAST_LEVER, LEAST_BEND, MOST_PUSH = 0.1, 0.02, 0.05
 turned; m that one push moves the end at most."""
 WAIT = 0.5
 """s that a free limb rests on something before it slides on."""
+TOUCH = 1e-3
+"""m between what a push has moved apart: farther, and what slides would bounce away from what it slides along."""
 SHALLOW = 0.005
 """m: an overlap that is mended gently."""
+GENTLER = 5
+"""Times that a gentle push is halved until it turns nothing fast."""
 PUSH_HALF_LIFE = 0.25
 """s in which the turn of an elbow that avoided something goes back."""
 
@@ -270,7 +278,7 @@ def go(
             if gap >= 0.0 or n == pushes:
                 break
             push_limb(
-                rig, st, limb, push, min(deepest, gains.clearance - gap), most_turn, positions_ws, rotations_ws
+                rig, st, limb, push, min(deepest, TOUCH - gap), most_turn, positions_ws, rotations_ws
             )  # fmt: skip
     return gap
 
@@ -300,7 +308,10 @@ def avoid(
     goal, start, at_start = np.empty(3), np.empty(3), np.empty(3)
     turn_before, change = np.empty(4), np.empty(4)
     limits = contacts.limits
-    st.mode[2] = 0.0
+    driven = flags.max() > 0.5
+    body = 0.0
+    for k in range(3):
+        body += abs(st.drifts[0, k]) + ARM * abs(st.drifts[1, k])
     order = np.array([0, 1, 2, 3])
     count = 0
     for rank in range(3):
@@ -341,6 +352,9 @@ def avoid(
         place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         way = distance(goal, start)
+        nearing = NEAR if flags[row] < 0.5 and body > CARRIED else SOON * (moved[limb] / max(dt, 1e-9) + body)
+        if driven and gap < min(NEAR, nearing):
+            st.mode[2] = 1.0
         if gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
             if gap > 0.008:
                 st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
@@ -392,10 +406,17 @@ def avoid(
                 pushes, most_turn, deepest = RESCUES, 0.2, 1.0
                 if gap_before > -SHALLOW:
                     pushes, most_turn, deepest = 1, CREEP_TURN * dt, CREEP * dt
-            go(
-                rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, pushes,
-                most_turn, deepest, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
-            )  # fmt: skip
+            for n in range(GENTLER + 1):
+                go(
+                    rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, pushes,
+                    most_turn, deepest, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes,
+                    push,
+                )  # fmt: skip
+                mul_inv(rotations_ws[upper], turn_before, change)
+                if pushes != 1 or angle(change) <= SLIDE_TURN * moved[limb] + CREEP_TURN * dt:
+                    break
+                # (Where joints are at their limits, a small push may turn them far.)
+                deepest *= 0.5 if n < GENTLER - 1 else 0.0
         off = st.swivels[limb] - plain[limb]
         st.pushes[limb] = min(1.6, max(-1.6, off))
         st.extra[limb] = st.swivels[limb] - under.swivels[limb]

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 LONGEST = 1.0 / 55.0
 """s: longer steps are made of several."""
 CONTACT = 1.0 / 120.0
-"""s: the same while parts of the body touch."""
+"""s: the same while the body is pulled along or parts of it touch, or are about to."""
 MOST_TIME = 0.5
 """s that one step catches up at most (after a pause of the process)."""
 FADE_HALF_LIFE = 0.15
@@ -218,7 +218,7 @@ class Stack:
     def step(self, dt: float) -> None:
         """Advance by ``dt`` s; a long step is made of several, with held points going evenly to their targets."""
         dt = min(max(dt, 0.0), MOST_TIME)
-        # Where something touches, always at one rate, so that it slides the same way at every rate.
+        # Where something touches or pulls, always at one rate, so that it goes the same way at every rate.
         count = max(1, int(np.ceil(dt / (CONTACT if self.state.mode[2] > 0.5 else LONGEST) - 1e-6)))
         wanted, carried = self.held.points.copy(), np.zeros(3)
         for n in range(count):

@@ -42,7 +42,7 @@ class Gains(NamedTuple):
     """Time constant of the last bit of relaxing."""
     ease_time: float = 0.05
     """Time constant with which a relaxing part takes up its speed."""
-    half_life: float = 0.08
+    half_life: float = 0.10
     """Half-life of what a grab, a release or a jump of the target leaves to even out."""
     swivel_half_life: float = 0.04
     """Half-life with which elbows and knees follow their swivel."""
@@ -111,7 +111,7 @@ class State(NamedTuple):
     hurry: Array  # (4,) m/s, how fast each limb's goal has moved lately
     beyond: Array  # (4, 3) m, forearm or shin when its elbow or knee was grabbed
     lift: Array  # (2,) a foot that a held knee has lifted
-    mode: Array  # (3,) started, over a motion, something touches
+    mode: Array  # (3,) started, over a motion, something touches or pulls
     step: Array  # (32,) see bunraku.nodes.controller.step
     leads: Array  # (4, 3, 4) each limb's joints against the motion at the last step; 0 over none
     fades: Array  # (4, 3, 3) rad, what is left of changes that were too quick

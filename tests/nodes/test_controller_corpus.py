@@ -300,14 +300,14 @@ def measure(script: Script) -> dict[str, float]:
 
 each = pytest.mark.parametrize("script", corpus(), ids=lambda s: s.name)
 
-SQUEEZED = {"through the thighs"}
-"""A hand that is forced between two thighs slips through when the body moves: one quick frame."""
-ON_THE_BODY = {
-    "straight into the belly and out", "through the head", "through the thighs", "into the chest and stay",
-    "down to the knee", "down to the floor", "leg through leg", "far away", "metre jumps a frame", "wild jumps",
-    "foot out of reach",
-}  # fmt: skip
-"""Something is pushed against the body: elbows give way faster, and on which side is a matter of millimetres."""
+EITHER_SIDE = {"foot out of reach": "left_hand"}
+"""A leg that comes up at 5 m/s knocks the arm that hangs beside it before the knee or behind it: two places of rest,
+equally good, and the millimetres by which the input differs between rates choose."""
+
+
+BLUNT = {"straight into the belly and out": 50.0}
+"""mm by which a hand ends differently that goes head-on into a flat face of the body: how far it slides along it before
+its goal is behind the body hangs on millimetres of its way there."""
 
 
 def test_the_corpus_is_large_and_its_names_are_unique() -> None:
@@ -337,13 +337,11 @@ def test_held_parts_arrive(script: Script) -> None:
 
 @each
 def test_elbows_and_knees_turn_smoothly(script: Script) -> None:
-    assert measure(script)["swivel_deg_mm"] < (2.0 if script.name in ON_THE_BODY else 1.0)
+    assert measure(script)["swivel_deg_mm"] < 1.0
 
 
 @each
 def test_nothing_moves_fast_while_the_input_is_still(script: Script) -> None:
-    if script.name in SQUEEZED:
-        pytest.skip("a hand squeezed between the thighs slips")
     assert measure(script)["still_deg_s"] <= 60.0
 
 
@@ -354,11 +352,22 @@ def test_it_is_in_balance_in_quiet_frames() -> None:
 
 @each
 def test_the_same_targets_end_alike_at_every_rate(script: Script) -> None:
-    if script.name in ON_THE_BODY:
-        pytest.skip("which side of an obstacle is a matter of millimetres")
     found = measure(script)
+    if script.name in EITHER_SIDE:
+        # All but that arm ends alike, and the arm rests: free, on its own side and at one of the two places.
+        assert found["held_rates_mm"] <= 20.0
+        hand = FIGURE.names.index(EITHER_SIDE[script.name])
+        for hz in (30.0, 60.0, 120.0):
+            r = play(script, hz)
+            speed = np.linalg.norm(np.diff(r.positions[-round(hz / 2) :, hand], axis=0), axis=-1) * hz
+            assert speed.max() < 0.1
+            assert np.linalg.norm(r.positions[-1, hand] - play(script).positions[-1, hand]) < 0.3
+            depth = self_penetration(FIGURE, r.positions[-1:], r.orientations[-1:]).max()
+            assert depth <= 0.005
+        return
     # A free arm that leans on the body may rest a little higher or lower.
-    assert found["rates_mm"] <= 20.0 or (found["held_rates_mm"] <= 20.0 and found["rates_mm"] <= 30.0)
+    most = BLUNT.get(script.name, 20.0)
+    assert found["rates_mm"] <= most or (found["held_rates_mm"] <= most and found["rates_mm"] <= 30.0)
 
 
 if __name__ == "__main__":
