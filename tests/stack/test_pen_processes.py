@@ -10,6 +10,8 @@ import msgpack
 import pytest
 from launched import Stack, read, until
 
+from bunraku.figure.camera import Orbit
+
 pytestmark = [pytest.mark.stack, pytest.mark.timeout(600)]
 Launch = Callable[..., Stack]
 SIZE = (0.40, 0.40)
@@ -90,11 +92,12 @@ def test_the_pen_walks_a_figure_that_the_controller_holds(launch: Launch) -> Non
     begun = place(pose.wait())
     pen = Pen(stack, "pen")
     pen.line((0.0, -1.8), 1.5, pose)
+    way = (-1.8 * math.sin(Orbit.azimuth), -1.8 * math.cos(Orbit.azimuth))  # up on the tablet is away from the viewer
 
     def gone(clock: Clock) -> tuple[float, float]:
         now = place(clock.wait())
         return now[0] - begun[0], now[1] - begun[1]
 
-    until(lambda: math.dist(gone(motion), (0.0, -1.8)) < 0.08, "the blended walk is at its end")
-    until(lambda: math.dist(gone(pose), (0.0, -1.8)) < 0.10, "and so is the figure")
+    until(lambda: math.dist(gone(motion), way) < 0.08, "the blended walk is at its end")
+    until(lambda: math.dist(gone(pose), way) < 0.10, "and so is the figure")
     assert stack.end() == 0
