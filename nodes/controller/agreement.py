@@ -34,8 +34,6 @@ LAST_ROUNDS = 6
 """Most rounds in which balance alone has the last word."""
 ENOUGH = 2e-4
 """m: shifts below this end the rounds."""
-LACK, GAIN = 1e-3, 0.1
-"""m that hands still lack, and the share of it (m, rad) that a round must bring for tracking to go on."""
 STILL_BENDS = 0.04
 """rad by which the trunk bends in a round in which the knees still wait."""
 STRAIN = 0.005
@@ -113,9 +111,7 @@ def agree(
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping, True
         )  # fmt: skip
-    round_ = -1
-    while round_ + 1 < ROUNDS + LAST_ROUNDS:
-        round_ += 1
+    for round_ in range(ROUNDS + LAST_ROUNDS):
         last_word = round_ >= ROUNDS
         reconstruct_into(
             rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
@@ -140,7 +136,7 @@ def agree(
                 hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - st.points[0, k]
         for k in range(2):
             pelvis_weights[k], trunk_weights[k] = 0.0, 0.0
-        most, turned = 0.0, 0.0
+        most = 0.0
         lacking, arms_lacking = 0, 0
         # Tracking: the mean of what the held ends still lack.
         if not last_word:
@@ -224,8 +220,6 @@ def agree(
                 turn[k] = st.turns[0, k]
             blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
             keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
-            mul_inv(st.turns[0], turn, turn)
-            turned = angle(turn)
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
             not stepping and not over, not over,
@@ -237,9 +231,6 @@ def agree(
             moved += (st.points[0, k] - start[k]) ** 2
         if most < ENOUGH and moved < 1e-8:
             break
-        if arms_lacking > 0 and arms_lacking == lacking and most > LACK and sqrt(moved) + turned < GAIN * most:
-            # Trunk and pelvis are at their ends: more rounds would bring a hand no nearer.
-            round_ = max(round_, ROUNDS - 1)
     return size
 
 

@@ -279,7 +279,7 @@ def measure(script: Script) -> dict[str, float]:
     found["unbalanced"] = float((margins[quiet] < 0).sum())
     found["quiet"] = float(quiet.sum())
     speeds = joint_speeds(r.rotations, dt)
-    still = r.quiet[1:]
+    still = r.quiet[1:] & r.quiet[:-1]  # a speed lies between two frames
     found["still_deg_s"] = float(np.degrees(speeds[still].max())) if still.any() else 0.0
     reach = 0.0
     for part in script.reachable:
