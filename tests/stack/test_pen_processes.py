@@ -92,7 +92,8 @@ def test_the_pen_walks_a_figure_that_the_controller_holds(launch: Launch) -> Non
     begun = place(pose.wait())
     pen = Pen(stack, "pen")
     pen.line((0.0, -1.8), 1.5, pose)
-    way = (1.8 * math.sin(Orbit.azimuth), 1.8 * math.cos(Orbit.azimuth))  # down on the tablet is toward the viewer
+    # Down on the tablet is toward the viewer, who looks from aside.
+    way = (1.8 * math.sin(Orbit.azimuth), -1.8 * math.cos(Orbit.azimuth))
 
     def gone(clock: Clock) -> tuple[float, float]:
         now = place(clock.wait())
