@@ -154,25 +154,6 @@ class PadPlayer(Player):
         self.buttons.discard(RULES.jump)
         self.right = np.zeros(2)
 
-    def landed(self, act: Act, far: float, before: float) -> Acting:
-        """Watch until the figure has come down over there."""
-        begun = self.time
-        yield from self.pause(0.6)
-        while self.time - begun < 3.5:
-            yield from self.pause(0.05)
-            sight = self.seen(self.person.delay)
-            if sight is None:
-                continue
-            here = self.route(sight).nearest(sight.figure, before + far, 1.5)
-            if here > before + 0.7 * far and hypot(*self.velocity(self.person.delay)) < 0.25:
-                if act.gap is not None:
-                    self.passed.add(act.gap.number)
-                if act.thing is not None:
-                    self.crossed.add(act.thing)
-                self.arc = here
-                return
-        self.arc = None  # it did not jump: look again
-
     def let_by(self, act: Act) -> Acting:
         """Go on when the pillar will be beside the way; stand until then."""
         assert act.thing is not None

@@ -214,7 +214,7 @@ class PenPlayer(Player):
         _sight, route, end, arc = self.situation()
         goal = route.at(act.gap.on) if act.gap is not None else end + route.way(arc) * LEAP
         yield from self.leap(goal - end)
-        yield from self.landed(act, goal - end, arc)
+        yield from self.landed(act, hypot(*(goal - end)), arc)
 
     def _jumps(self, act: Act) -> bool:
         return act.thing is not None and self.sights[-1].things[act.thing].asks == "jump"
@@ -234,26 +234,6 @@ class PenPlayer(Player):
                 break
             yield from self.pause(0.05)
         yield from self.pause(self.person.reaction)
-
-    def landed(self, act: Act, way: Array, before: float) -> Acting:
-        """Watch until the figure has come down over there."""
-        begun = self.time
-        yield from self.pause(0.6)
-        while self.time - begun < 3.5:
-            yield from self.pause(0.05)
-            sight = self.seen(self.person.delay)
-            if sight is None:
-                continue
-            route = self.route(sight)
-            here = route.nearest(sight.figure, before + hypot(*way), 1.5)
-            if here > before + 0.7 * hypot(*way) and hypot(*self.velocity(self.person.delay)) < 0.25:
-                if act.gap is not None:
-                    self.passed.add(act.gap.number)
-                if act.thing is not None:
-                    self.crossed.add(act.thing)
-                self.arc = here
-                return
-        self.arc = None  # it did not jump: look again
 
     def let_by(self, act: Act) -> Acting:
         """Go on when the pillar will be beside the way; wait with a resting pen until then."""

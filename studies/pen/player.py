@@ -280,6 +280,25 @@ class Player(Node):
             spots.append(route.nearest(there, here, 2.5) - here)
         return spots[0] > 0.33 and 0.35 <= spots[1] <= 0.80 and spots[2] < LEAP - 0.30
 
+    def landed(self, act: Act, far: float, before: float) -> Acting:
+        """Watch until the figure has come down ``far`` m on from arc length ``before``; else look again."""
+        begun = self.time
+        yield from self.pause(0.6)
+        while self.time - begun < 3.5:
+            yield from self.pause(0.05)
+            sight = self.seen(self.person.delay)
+            if sight is None:
+                continue
+            here = self.route(sight).nearest(sight.figure, before + far, 1.5)
+            if here > before + 0.7 * far and hypot(*self.velocity(self.person.delay)) < 0.25:
+                if act.gap is not None:
+                    self.passed.add(act.gap.number)
+                if act.thing is not None:
+                    self.crossed.add(act.thing)
+                self.arc = here
+                return
+        self.arc = None  # it did not jump: look again
+
     def setting_off(self, way: float, lag: float) -> float:
         """s until a figure that stands has gone ``way`` m."""
         return lag + sqrt(2.0 * max(way, 0.0) / START)
