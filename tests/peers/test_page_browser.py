@@ -550,7 +550,7 @@ def test_what_a_page_costs_is_measured(browser: Any, hall: Hall, width: int, hei
         numbers["kB/s"] = round((one.ask("bunraku.connection.bytes") - first) / seconds / 1000, 1)
         one.fingers("touchEnd")
         print(f"{width}x{height}, {pages} pages: {numbers}")
-        assert numbers["measured"] > 0  # how many depends on the machine
+        assert numbers["measured"] > 50
         assert 0 < numbers["calls"] <= 50
         assert numbers["kB/s"] < 200
     finally:
@@ -575,6 +575,7 @@ def test_the_page_is_driven_by_keyboard(person: Person) -> None:
     page.keyboard.up("2")
     person.until("bunraku.hands.hands.right.bend[1] === 0")
     page.locator("label", has_text="Touch").first.click()
+    person.until("document.getElementById('fitnow').hidden")  # offered while the panels of the hands take the room
     page.locator("input[value=touch]").focus()
     reached = []
     for _ in range(9):
@@ -585,6 +586,7 @@ def test_the_page_is_driven_by_keyboard(person: Person) -> None:
     page.locator("#settings").focus()
     page.keyboard.press("Enter")
     assert person.ask("document.activeElement.id") == "closedrawer"
+    page.locator("summary", has_text="interpreter").wait_for()  # the drawer is whole once the nodes have answered
     inside = set()
     for _ in range(12):
         page.keyboard.press("Tab")
