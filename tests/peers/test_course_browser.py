@@ -1,6 +1,5 @@
 """The course at the stage page in a real browser: tiles and obstacles are seen, and a pen there plays it."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -19,10 +18,8 @@ DOWN = {"button": "left", "buttons": 1}
 
 
 @pytest.fixture(scope="module")
-def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
-    one = Hall(tmp_path_factory.mktemp("c"), ["course", "stage:=1", "window:=off"])
-    yield one
-    one.close()
+def words() -> list[str]:
+    return ["course", "stage:=1", "window:=off"]
 
 
 def red_part(person: Person, place: list[float]) -> tuple[int, int, int]:

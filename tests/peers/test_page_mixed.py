@@ -1,11 +1,8 @@
 """One page plays both ways at once: a pen walks the figure while a finger holds its hand, and a mouse chooses."""
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 import pytest
-from pages import BROWSER, Hall, Person
+from pages import BROWSER, Person
 
 pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
 pytestmark = [
@@ -18,20 +15,8 @@ DOWN = {"button": "left", "buttons": 1}
 
 
 @pytest.fixture(scope="module")
-def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
-    one = Hall(tmp_path_factory.mktemp("m"), ["mixed", "window:=off"])
-    yield one
-    one.close()
-
-
-@pytest.fixture
-def person(browser: Any, hall: Hall) -> Iterator[Person]:
-    one = Person(browser, hall)
-    try:
-        yield one
-    finally:
-        one.close()
-    assert one.faults == []
+def words() -> list[str]:
+    return ["mixed", "window:=off"]
 
 
 def place(person: Person, role: str) -> np.ndarray:

@@ -84,26 +84,13 @@ class Scene:
 
 
 @pytest.fixture(scope="module")
-def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
-    one = Hall(tmp_path_factory.mktemp("p"), ["pen", "window:=off"])
-    yield one
-    one.close()
-
-
-@pytest.fixture
-def person(browser: Any, hall: Hall) -> Iterator[Person]:
-    one = Person(browser, hall)
-    one.reset()
-    one.page.locator("label", has_text="Pen").first.click()
-    try:
-        yield one
-    finally:
-        one.close()
-    assert one.faults == []
+def words() -> list[str]:
+    return ["pen", "window:=off"]
 
 
 @pytest.fixture
 def scene(hall: Hall, person: Person) -> Iterator[Scene]:
+    person.page.locator("label", has_text="Pen").first.click()
     one = Scene(hall)
     one.settle(person)
     yield one
