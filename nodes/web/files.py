@@ -127,20 +127,3 @@ class Tickets:
 def _remove(source: Path | Asset, passing: bool) -> None:
     if passing and isinstance(source, Path):
         shutil.rmtree(source.parent, ignore_errors=True)
-
-
-def security_headers(host: str, scheme: str) -> dict[str, str]:
-    """The headers of every answer: nothing is loaded from elsewhere, nothing frames the page."""
-    socket = f"{'wss' if scheme == 'https' else 'ws'}://{host}"
-    policy = (
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
-        f"connect-src 'self' {socket}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    )
-    return {
-        "Content-Security-Policy": policy,
-        "X-Content-Type-Options": "nosniff",
-        "Referrer-Policy": "no-referrer",
-        "Cross-Origin-Opener-Policy": "same-origin",
-        "Cross-Origin-Resource-Policy": "same-origin",
-        "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
-    }

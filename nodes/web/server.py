@@ -18,13 +18,13 @@ from http import HTTPStatus
 from typing import Any
 
 from websockets.asyncio.server import Server, ServerConnection, serve
-from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from bunraku.msgs.base import InvalidMessage
 from bunraku.nodes.web.access import AccessError, Gate, TokenBucket, peer_user
-from bunraku.nodes.web.files import Asset, Tickets, security_headers
+from bunraku.nodes.web.answers import answer, refusal
+from bunraku.nodes.web.files import Asset, Tickets
 from bunraku.nodes.web.protocol import (
     MAX_TEXT,
     POSE,
@@ -232,33 +232,14 @@ class PageServer:
         ticket = path.startswith("/ticket/")
         file = self.tickets.take(self._loop.time(), path) if ticket else self.files.get(path)
         if file is None:
-            return self._answer(HTTPStatus.NOT_FOUND, Asset(b"no such file\n", "text/plain"), request)
+            return answer(HTTPStatus.NOT_FOUND, Asset(b"no such file\n", "text/plain"), request, self.gate.scheme)
         if file.etag and request.headers.get("If-None-Match") == file.etag:
-            return self._answer(HTTPStatus.NOT_MODIFIED, Asset(b"", file.type, etag=file.etag), request)
-        return self._answer(HTTPStatus.OK, file, request)
-
-    def _answer(self, status: HTTPStatus, file: Asset, request: Request) -> Response:
-        headers = Headers(security_headers(request.headers.get("Host", ""), self.gate.scheme))
-        body = file.body
-        headers["Content-Type"] = file.type
-        headers["Cache-Control"] = "no-cache"
-        headers["Vary"] = "Accept-Encoding"
-        if file.packed and "gzip" in request.headers.get("Accept-Encoding", ""):
-            body = file.packed
-            headers["Content-Encoding"] = "gzip"
-        if file.etag:
-            headers["ETag"] = file.etag
-        if file.filename:
-            headers["Content-Disposition"] = f'attachment; filename="{file.filename}"'
-        headers["Content-Length"] = str(len(body))
-        headers["Connection"] = "close"
-        return Response(status.value, status.phrase, headers, body)
+            return answer(HTTPStatus.NOT_MODIFIED, Asset(b"", file.type, etag=file.etag), request, self.gate.scheme)
+        return answer(HTTPStatus.OK, file, request, self.gate.scheme)
 
     def _refuse(self, status: HTTPStatus, text: str) -> Response:
         self.counts["refused"] += 1
-        body = text.encode()
-        headers = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body)), "Connection": "close"})
-        return Response(status.value, status.phrase, headers, body)
+        return refusal(status, text)
 
     def _is_other_user(self, connection: ServerConnection) -> bool:
         peer = connection.remote_address
