@@ -23,6 +23,7 @@ from bunraku.motion import rotation as rot
 from bunraku.motion.blend import pose_into, speeds_into, way_into
 from bunraku.motion.build import make
 from bunraku.motion.build_plan import plan
+from bunraku.motion.build_plant import prints
 from bunraku.motion.clip import Clip
 from bunraku.motion.constraint import Ground, path_of
 from bunraku.motion.motionset import MODULES, MotionSet
@@ -44,6 +45,7 @@ UNITS = {
     "distance": "m",
     "height": "m",
 }
+DRIFT, BEYOND = "drift of a locked foot, largest", "a locked foot beyond its leg's reach, largest"
 DEGREES = ("turn", "tilt", "bend", "angle")
 
 
@@ -197,7 +199,7 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
     print_as: list[float] = []
     apart: list[float] = []
     lateral = source_prints(motion_set)
-    found = {"drift": 0.0, "beyond": 0.0}
+    found = {DRIFT: 0.0, BEYOND: 0.0}
     switch_steps: list[float] = []
     all_steps: list[float] = []
     for seed in range(count):
@@ -227,8 +229,8 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
         ends.append(float(np.hypot(*(here[-1] - drawn[-1]))))
         play(player, 1.5, frames, until_free=False)
         clip = recorded(player, frames)
-        found["drift"] = max(found["drift"], drift(player, clip, frames))
-        found["beyond"] = max(found["beyond"], max(float(frame[5][0]) for frame in frames))
+        found[DRIFT] = max(found[DRIFT], drift(player, clip, frames))
+        found[BEYOND] = max(found[BEYOND], max(float(frame[5][0]) for frame in frames))
         steps = velocity_steps(clip)
         all_steps.append(float(steps.max()))
         for at in (begin, arrived):
@@ -256,18 +258,18 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
             play(player, 0.8, frames, until_free=False)
             clip = recorded(player, frames)
             moves.append(float(np.hypot(player.place.x - goal.x, player.place.z - goal.z)))
-            found["drift"] = max(found["drift"], drift(player, clip, frames))
-            found["beyond"] = max(found["beyond"], max(float(frame[5][0]) for frame in frames))
+            found[DRIFT] = max(found[DRIFT], drift(player, clip, frames))
+            found[BEYOND] = max(found[BEYOND], max(float(frame[5][0]) for frame in frames))
             steps = velocity_steps(clip)
             all_steps.append(float(steps.max()))
             for at in (begin, arrived):
                 switch_steps.append(float(steps[max(at - 2, 0) : at + 6].max()))
     sources = [float(velocity_steps(e.clip).max()) for m in motion_set.modules.values() for e in m.examples]
     found |= {
-        "path rms": float(np.sqrt(np.mean(np.square(errors)))),
-        "path max": float(np.max(errors)),
-        "end max": float(np.max(ends)),
-        "move end max": float(np.max(moves)) if moves else 0.0,
+        "path, rms": float(np.sqrt(np.mean(np.square(errors)))),
+        "path, largest": float(np.max(errors)),
+        "end of a walk, largest": float(np.max(ends)),
+        "end of a move, largest": float(np.max(moves)) if moves else 0.0,
         "prints to path, mean": float(np.mean(print_off)),
         "prints to path in the sources so blended, mean": float(np.mean(print_as)),
         "a print from where the sources have it, rms": float(np.sqrt(np.mean(np.square(apart)))),
@@ -282,7 +284,7 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
 
 
 def source_prints(motion_set: MotionSet) -> Array:
-    """(n, 2) m to the left of the arc of the root's way at which either foot stands in each example of locomotion.
+    """(n, 2) m to the left of the arc of the root's way at which either foot stands, on average, in each example.
 
     In bends that are run, both feet stand outside of the root's path: the body leans in.
     """
@@ -291,9 +293,10 @@ def source_prints(motion_set: MotionSet) -> Array:
         clip = example.clip
         path = cycle_path(clip.roots[:, [0, 2]], clip.headings, clip.fps)
         row = []
-        for side, name in enumerate(("leftFoot", "rightFoot")):
+        marks = prints(clip)
+        for side in range(2):
             on = example.contacts[:, side]
-            off = clip.world[0][on, clip.skeleton.role(name)][:, [0, 2]] - path.places[on]
+            off = marks[on, side] - path.places[on]
             left = np.stack([np.cos(path.directions[on]), -np.sin(path.directions[on])], -1)
             radius = path.speed / path.turn if abs(path.turn) > 0.02 and path.speed > 0.2 else 1e4
             far = np.linalg.norm(off - radius * left, axis=1)

@@ -26,6 +26,7 @@ from bunraku.motion.build_edit import (
     stepping,
     there_and_back,
 )
+from bunraku.motion.build_plant import planted
 from bunraku.motion.build_recipe import Piece, Recipe, RecipeError
 from bunraku.motion.clip import Clip, ClipError
 from bunraku.motion.files import load_capture
@@ -97,6 +98,8 @@ def example_of(piece: Piece, source: Source) -> Example:
     if piece.cycle:
         clip = closed(clip)
         flags[-1] = flags[0]
+    if not piece.module.startswith("turn"):  # who turns on the spot does it on feet that turn
+        clip = planted(clip, flags, piece.cycle)
     clip, flags = _edited(piece, clip, flags, keys)
     clip = clip.at_origin().renamed(piece.name)
     parameters = MODULES["locomotion"] if piece.module == "canonical" and piece.cycle else MODULES.get(piece.module)
@@ -124,7 +127,7 @@ def _edited(piece: Piece, clip: Clip, flags: Flags, keys: Array) -> tuple[Clip, 
     if piece.turn:
         clip = spun(clip, flags, float(np.radians(piece.turn)), float(keys[1]), float(keys[4]))
     if piece.slow:
-        clip = slowed(clip, min(max(piece.slow, 0.0), 1.0))
+        clip = planted(slowed(clip, min(max(piece.slow, 0.0), 1.0)), flags, piece.cycle)
     if piece.march:
         clip = marched(clip, flags, piece.march)
     if piece.tilt or piece.bend:
