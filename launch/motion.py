@@ -13,6 +13,7 @@ def launch(
     tilt: float = 0.0,
     bend: float = 0.0,
     duck: float = 0.0,
+    transition: Literal["inertialise", "example"] = "inertialise",
     page: bool = False,
     lan: bool = False,
     window: Literal["auto", "on", "off"] = "auto",
@@ -23,8 +24,8 @@ def launch(
 
     speed:= (m/s), turn:= (rad/s), tilt:=, bend:= (rad) and duck:= (0..1) drive the figure and can be changed while it
     runs (bunraku param set blender drive_speed 2.5); anything else is commanded: bunraku topic pub command.
-    motions:= is another motion set, ground:= uneven ground; page:=true serves the page; record:= and film:= name the
-    bag and the mp4 to write.
+    transition:= is how it passes from motion to motion; motions:= is another motion set, ground:= uneven ground;
+    page:=true serves the page; record:= and film:= name the bag and the mp4 to write.
     """
     blender: dict[str, object] = {
         "skeleton": True,
@@ -35,6 +36,7 @@ def launch(
         "drive_tilt": tilt,
         "drive_bend": bend,
         "drive_duck": duck,
+        "transition": transition,
     }
     specs = [node("blender", params=blender, remap={"motion": "pose"}, respawn=True)]
     if page:

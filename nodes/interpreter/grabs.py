@@ -44,7 +44,7 @@ def body_joints(scene: Scene, part: str) -> list[int]:
 
 
 class PointGrab:
-    """A hand or foot, or an elbow or knee, dragged on its plane (T7-T9)."""
+    """A hand or foot, or an elbow or knee, dragged on its plane (5.1, eqs. 7-11)."""
 
     def __init__(self, scene: Scene, frame: HeadingFrame, hit: Hit, rules: TouchRules = RULES) -> None:
         self.rules = rules
@@ -89,7 +89,7 @@ class PointGrab:
 
 
 class TurnGrab:
-    """Trunk or head: the touched surface point is dragged, and the turn that carries it is meant (T10, eq. 12)."""
+    """Trunk or head: the touched surface point is dragged, and the turn that carries it is meant (5.2, eq. 12)."""
 
     def __init__(self, scene: Scene, frame: HeadingFrame, hit: Hit, rules: TouchRules = RULES) -> None:
         self.rules = rules
@@ -176,7 +176,7 @@ def straight_parts(way: Array, rules: TouchRules = RULES) -> Array:
 
 
 class PelvisGrab:
-    """The pelvis: moved where the feet allow it, else a step; turned by a second finger (T11)."""
+    """The pelvis: moved where the feet allow it, else a step; turned by a second finger (5.3)."""
 
     def __init__(self, scene: Scene, frame: HeadingFrame, hit: Hit, rules: TouchRules = RULES) -> None:
         self.rules = rules

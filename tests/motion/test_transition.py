@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 
 from bunraku.motion import rotation as rot
+from bunraku.motion.player import Player
+from bunraku.motion.synth import builtin_set
 from bunraku.motion.transition import apply_offset, decay, difference_into, inertialise, toward
 
 
@@ -47,3 +49,27 @@ def test_toward_goes_the_share_of_the_way(share):
     toward(share, pb, rb, place, turns)
     np.testing.assert_allclose(place, pa + share * (pb - pa))
     np.testing.assert_allclose(turns, rot.slerp(ra, rb, np.full(len(ra), share)), atol=1e-7)
+
+
+@pytest.mark.parametrize(("kind", "least", "most"), [("example", 0.0, 2.0), ("inertialise", 5.0, 30.0)])
+@pytest.mark.parametrize(("module", "values"), [("jump_forward", [0.2, 0.8]), ("step_left", [1.2, 0.4])])
+def test_the_next_posture_is_there_when_a_motion_ends_or_comes_afterwards(module, values, kind, least, most):
+    player = Player(builtin_set(), transition=kind)
+    back = [player.skeleton.role(name) for name in ("spine", "chest", "neck")]
+    player.stand(0.15, 0.3, 0.3)
+    for _ in range(60):
+        player.update(1 / 60)
+    player.move(module, values)
+    turns = [player.rotations[back]]
+    while player.activity == "move":
+        player.update(1 / 60)
+        turns.append(player.rotations[back])
+    for _ in range(60):
+        player.update(1 / 60)
+        turns.append(player.rotations[back])
+
+    def apart(a, b):
+        return np.degrees(np.linalg.norm(rot.log(rot.mul(turns[a], rot.inverse(turns[b]))), axis=-1).max())
+
+    assert least <= apart(-61, -1) <= most
+    assert max(apart(k + 1, k) for k in range(-66, -55)) < 6.0, "no step"

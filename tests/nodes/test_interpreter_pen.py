@@ -244,6 +244,26 @@ def test_out_of_range_in_mid_stroke_ends_the_path_where_it_was() -> None:
     assert other.last(Locomotion).complete
 
 
+def test_the_path_the_jump_range_and_the_cursor_are_drawn() -> None:
+    tablet = Tablet()
+    tablet.line((0.0, 0.5), 0.4)
+    path = tablet.core.update(tablet.scene).overlay
+    assert [one.kind for one in path] == ["line"]
+    assert path[0].points[0] == pytest.approx((0.0, 0.0, 0.0), abs=0.02)
+    assert path[0].points[-1] == pytest.approx((0.0, 0.0, 0.5), abs=0.02)
+    tablet.lift()
+    tablet.send((0.3, 0.9), contact=False)
+    _, same, edge, cursor = tablet.core.update(tablet.scene).overlay
+    assert (same.kind, same.label, same.size) == ("circle", "jump", RULES.jump_same)
+    assert same.points[0] == pytest.approx((0.0, 0.0, 0.5), abs=0.02)
+    reach = [hypot(x - same.points[0][0], z - same.points[0][2]) for x, _, z in edge.points]
+    assert (max(reach), min(reach)) == pytest.approx((RULES.jump_range, RULES.jump_back), abs=0.01)
+    assert edge.points[reach.index(max(reach))][2] > 2.0, "farthest ahead"
+    assert cursor.points[0] == pytest.approx((0.3, 0.0, 0.9), abs=0.02)
+    tablet.wait(RULES.jump_time + 0.1)
+    assert not [one for one in tablet.core.update(tablet.scene).overlay if one.label == "jump"]
+
+
 @pytest.mark.parametrize("azimuth", range(0, 360, 45))
 def test_the_pens_tilt_leans_the_standing_figure_the_same_way(azimuth: int) -> None:
     tablet = Tablet()
