@@ -38,6 +38,9 @@ EASE = 0.15
 FREE, LOCKED, SETTLING, BARRED = 0, 1, 2, 3
 """Modes of a foot; a barred one was torn from its print and stays free until its contact ends."""
 
+GOES, STANDS, STILL = 0, 1, 2
+"""What the whole figure does: only one that has stood for a while lets its feet step to their places."""
+
 
 @dataclass(frozen=True)
 class LockLimits:
@@ -126,14 +129,14 @@ def ramp(t: float) -> float:
 
 @kernel
 def stand_or_leave(
-    feet: Feet, state: FeetState, side: int, contact: float, still: bool, position: Array, turn: Array, dt: float,
+    feet: Feet, state: FeetState, side: int, contact: float, still: int, position: Array, turn: Array, dt: float,
     goal: Array, goal_turn: Array,
 ) -> None:  # fmt: skip
     """One step of a locked or settling foot, which may let go: where the ankle is to be (3), the foot's turn (4).
 
     Args:
         contact: > 0 where the blended motion has the foot on the ground.
-        still: the figure stands: locked feet that stand wrong may settle.
+        still: `STANDS` and more: no print is left; `STILL`: locked feet that stand wrong may settle.
         position, turn: the blended ankle, raised by the ground's height, and foot.
     """
     limits = feet.limits
@@ -154,7 +157,7 @@ def stand_or_leave(
     planted(feet, side, mark, angles[1], 0.0, goal, goal_turn)
     away = sqrt((goal[0] - position[0]) ** 2 + (goal[2] - position[2]) ** 2)
     twist = abs(wrap(mark[3] - angles[0]))
-    if still and contact > 0.0 and state.mode[1 - side] == LOCKED and (away > limits[3] or twist > limits[4]):
+    if still >= STILL and contact > 0.0 and state.mode[1 - side] == LOCKED and (away > limits[3] or twist > limits[4]):
         state.mode[side] = SETTLING
         state.clock[side, 0] = 0.0
         state.clock[side, 1] = limits[5] + 0.4 * away
@@ -168,7 +171,8 @@ def stand_or_leave(
     if contact <= 0.0:
         state.mode[side] = FREE
         return
-    if (away > limits[2] or twist > 1.25) and not still:
+    far = limits[2] if state.mode[1 - side] == LOCKED else 1.5 * limits[2]  # the only foot that bears is kept longer
+    if (away > far or twist > 1.25) and still < STANDS:
         state.mode[side] = BARRED
         return
     spring_decay_into(state.offset[side], state.velocity[side], limits[1], dt)
@@ -184,7 +188,7 @@ def come_down(feet: Feet, state: FeetState, side: int, hip: Array, turn: Array, 
     """Lock a foot on a print under where it really is (``ankle``, 7), so that nothing moves along the ground."""
     goal, goal_turn, real, blended = np.empty(3), np.empty(4), np.empty(2), np.empty(2)
     mark, offset, velocity = state.prints[side], state.offset[side], state.velocity[side]
-    print_under(feet, side, ankle[0:3], ankle[3:7], state.ground[side, 0], mark)
+    print_under(feet, side, ankle[0:3], ankle[3:7], state.ground[side, 0], 0.0, mark)
     # The roll goes on as the blended foot's does; what the foot is above, pitched or leaned against it dies away.
     yaw_pitch(state.ankle[side, 3:7], real)
     before, lean_before = real[1] - state.pitch[side], roll_of(state.ankle[side, 3:7])
@@ -308,7 +312,7 @@ def sink(feet: Feet, state: FeetState, positions_ws: Array, goals: Array, most: 
 @kernel
 def plant_into(
     feet: Feet, state: FeetState, parents: Index, offsets: Array, root: Array, rotations_ls: Array,
-    positions_ws: Array, rotations_ws: Array, contact: Array, heights: Array, still: bool, active: bool, dt: float,
+    positions_ws: Array, rotations_ws: Array, contact: Array, heights: Array, still: int, active: bool, dt: float,
 ) -> float:  # fmt: skip
     """Hold a blended pose's planted feet, in place: ``root`` may sink, the legs are solved anew.
 
@@ -316,6 +320,7 @@ def plant_into(
         root: (3) m; its height is over level ground plus the ground's under the figure.
         contact: (2) in: > 0 where the blended motion has the foot down; out: 1 where it is locked, else 0.
         heights: (3) m, the ground under the left and right blended foot and what ``root`` was raised by.
+        still: whether the figure goes, `STANDS` (perhaps not quite yet) or stands `STILL`.
         active: hold feet at all.
 
     Returns:
@@ -388,7 +393,7 @@ def plant_into(
                     state.ankle[side, k] = ankle[k]
             touching = contact[side] if active else -1.0
             if state.mode[side] == BARRED:
-                if touching <= 0.0:
+                if touching <= 0.0 or still >= STILL:
                     state.mode[side] = FREE
             elif touching > 0.0:
                 come_down(feet, state, side, positions_ws[hip], turn[side], ankle, dt)

@@ -73,21 +73,25 @@ def wrap(angle: float) -> float:
 
 
 @kernel
-def print_under(feet: Feet, side: int, ankle: Array, turn: Array, height: float, mark: Array) -> None:
+def print_under(
+    feet: Feet, side: int, ankle: Array, turn: Array, height: float, slope: float, mark: Array
+) -> None:  # fmt: skip
     """Set the print ``mark`` (5) under what a foot stands on, for its ankle (3) and orientation (4).
 
-    ``height`` m of the ground.
+    ``height`` (m) is that of the ground under the heel or ball that it stands on, ``slope`` (rad) how the ground rises
+    along the foot.
     """
     angles, arm = np.empty(2), np.empty(3)
     yaw_pitch(turn, angles)
-    pivot = feet.soles[side, 1] if angles[1] >= 0.0 else feet.soles[side, 2]
+    pivot = feet.soles[side, 1] if angles[1] >= slope else feet.soles[side, 2]
     arm[0], arm[1], arm[2] = 0.0, -feet.soles[side, 0], pivot
     rotate(turn, arm, arm)
-    mark[0] = ankle[0] + arm[0] - pivot * sin(angles[0])
-    mark[1] = height
-    mark[2] = ankle[2] + arm[2] - pivot * cos(angles[0])
+    ahead = pivot * cos(slope)
+    mark[0] = ankle[0] + arm[0] - ahead * sin(angles[0])
+    mark[1] = height - pivot * sin(slope)
+    mark[2] = ankle[2] + arm[2] - ahead * cos(angles[0])
     mark[3] = angles[0]
-    mark[4] = 0.0
+    mark[4] = slope
 
 
 @kernel

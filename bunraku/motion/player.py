@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from bunraku.figure.spring import LN2
 from bunraku.motion.blend import speeds_into, way_into
 from bunraku.motion.constraint import AHEAD, Ground, Path, path_of, smoothstep, wrapped
-from bunraku.motion.footlock import FeetState
+from bunraku.motion.footlock import GOES, STANDS, STILL, FeetState
 from bunraku.motion.footprint import Feet
 from bunraku.motion.ground import GroundHeight
 from bunraku.motion.motionset import MotionSet
@@ -368,7 +368,7 @@ class Player:
     def _compose(self, dt: float) -> None:
         """The local pose into the world, on the ground, with its feet held."""
         playing = self.playing
-        still = self.activity == "stand" and playing.since > 0.12
+        still = GOES if self.activity != "stand" else (STILL if playing.since > 0.12 else STANDS)
         self.stance.place(self.place, playing.place, playing.rotations, playing.signal, still, dt)
 
     # Save and restore

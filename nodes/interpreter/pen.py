@@ -46,10 +46,13 @@ class PenCore:
         """What paths go round, now."""
         self.track = PenTrack(self.rules)
         self.walk: Walk | None = None
+        self.walked: Walk | None = None
+        """The path that the last stroke drew, walked or not yet; None after a step or a jump."""
         self.device = ""
         self.lean: Point = (0.0, 0.0)
         self.pressure = 0.0
         self.count = 0
+        self._resumes = False
         self._placed = False
         self._time = 0.0
         self._near = False
@@ -156,25 +159,30 @@ class PenCore:
 
     def _take(self, event: Event, scene: Scene) -> None:
         rules, stroke = self.rules, self.track.stroke
-        if event.kind == "moving":
+        if event.kind == "reset":
+            self._resumes = self.walked is not None and (self.walk is not None or event.away <= rules.resume)
+        elif event.kind == "moving":
+            if self._resumes:
+                self._resume(scene)
             if self.walk is None and self._is_locomotion():
                 self.walk = Walk(self._next_id(scene))
             elif self.walk is not None and self.walk.complete and self.walk.left > rules.rejoin:
-                self.walk.complete = False
-                self.walk.base, self.walk.taken = self.walk.length, 0
+                self._lengthens(self.walk)
             if self.walk is not None and not self.walk.complete:
                 self._lengthen(self.walk)
         elif event.kind == "stop":
             if self.walk is not None and not self.walk.complete:
                 self._lengthen(self.walk)
                 self.walk.complete = True
-                self._changed = True
+                self.walked, self._changed = self.walk, True
             elif self.walk is None and stroke.reach >= rules.least_step:
                 x, z = stroke.points[-1].place
                 self._queue.append(Step(id=self._next_id(scene), goal=(x, 0.0, z)))
-            elif self.walk is None and stroke.points:
+                self.walked = None
+            elif self.walk is None and stroke.points and not self._resumes:
                 self.track.end = stroke.points[0].place  # a twitch moves nothing
         elif event.kind == "landing":
+            self.walked = None
             if self.walk is not None:
                 self.walk.complete = True
                 self._queue.append(self._locomotion(self.walk, scene))
@@ -186,11 +194,31 @@ class PenCore:
                 self.track.end = (self.track.end[0] - event.way[0], self.track.end[1] - event.way[1])
             self._queue.append(Jump(id=self._next_id(scene), goal=goal, height=height))
 
+    def _resume(self, scene: Scene) -> None:
+        """A stroke that follows a reset goes on with the path before it, however short it is."""
+        rules, stroke = self.rules, self.track.stroke
+        assert self.walked is not None
+        if self.walk is None:  # the figure has arrived: whoever goes on, goes on ahead
+            heading = self.walked.heading
+            if stroke.reach < rules.least_step or heading is None:
+                return
+            if stroke.aside(heading) > rules.resume_aside:
+                self._resumes = False
+                return
+            self.walk = replace(self.walked, id=self._next_id(scene))
+        self._resumes = False
+        self._lengthens(self.walk)
+
+    @staticmethod
+    def _lengthens(walk: Walk) -> None:
+        """The present stroke goes on where a path ended."""
+        walk.complete, walk.base, walk.taken = False, walk.length, 0
+
     def _is_locomotion(self) -> bool:
         rules, stroke = self.rules, self.track.stroke
         if stroke.length > rules.longest_step:
             return True
-        return self.early and stroke.unambiguous(self.track.moved_at, rules)
+        return self.early and stroke.unambiguous(self.track.moved_at, rules, self.track.heading)
 
     def _lengthen(self, walk: Walk) -> None:
         fresh = self.track.stroke.points[walk.taken :]
@@ -280,12 +308,8 @@ class PenCore:
 
     def _faces(self, scene: Scene) -> float:
         """Where the figure faces, or will when it has walked its path, rad from +Z."""
-        points = self.walk.points if self.walk is not None else []
-        if len(points) < 2:
-            return self._yaw(scene)
-        x, z = points[-1].place
-        back = next((one.place for one in reversed(points) if distance(one.place, (x, z)) > 0.1), points[0].place)
-        return atan2(x - back[0], z - back[1])
+        heading = self.walk.heading if self.walk is not None else None
+        return self._yaw(scene) if heading is None else heading
 
     def _settle(self, scene: Scene) -> None:
         """While nothing is drawn, the next stroke begins where the figure stands."""

@@ -54,6 +54,16 @@ class Walk:
         """m of path before the figure."""
         return self.length - self.place
 
+    @property
+    def heading(self) -> float | None:
+        """Where a figure faces at its end, rad from +Z; None where it has no length."""
+        if len(self.points) < 2:
+            return None
+        x, z = self.points[-1].place
+        before = (one.place for one in reversed(self.points) if distance(one.place, (x, z)) > 0.1)
+        back = next(before, self.points[0].place)
+        return atan2(x - back[0], z - back[1])
+
     def locate(self, place: Point, window: float = 1.5) -> None:
         """Find the figure on it, at most ``window`` m beyond where it was."""
         if len(self.laid):

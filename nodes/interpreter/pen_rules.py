@@ -21,10 +21,18 @@ class PenRules:
     """s that a pen is still, or away, before its stroke has ended."""
     least_step: float = 0.10
     """m: a shorter stroke is no step."""
-    longest_step: float = 0.75
-    """m: a longer stroke is locomotion."""
+    longest_step: float = 0.62
+    """m: a longer stroke is locomotion; one step goes so far in every direction."""
+    resume: float = 1.5
+    """s from a path's end to a landing elsewhere with which the path goes on, where the figure has arrived already."""
+    resume_aside: float = 1.3
+    """rad off the path's end within which a stroke goes on with it then, however short; else it is a new one."""
+    early_ahead: float = 0.35
+    """rad off the figure's front within which a stroke starts early (an option): a step there is a short walk too."""
+    early_least: float = 0.12
+    """m after which it does."""
     early_step: float = 0.50
-    """m after which an unambiguous stroke starts early (an option)."""
+    """m after which another unambiguous stroke starts early."""
     early_speed: float = 1.2
     """m/s of the pen that makes it unambiguous."""
     early_time: float = 0.12

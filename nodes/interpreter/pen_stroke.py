@@ -1,7 +1,7 @@
 """A pen's samples as points of four kinds, and the strokes that they make (Oshita 2005, section 5.1)."""
 
 from dataclasses import dataclass, field
-from math import cos, exp, sin
+from math import atan2, cos, exp, inf, pi, sin
 from typing import Literal
 
 from bunraku.nodes.interpreter.pen_ground import Point, distance
@@ -37,12 +37,14 @@ class StrokePoint:
 class Event:
     """What a sample, or time, brought about.
 
-    ``landing`` has the way from the lift (x, z) and the pressure before it; ``stop`` ends the present stroke.
+    ``landing`` has the way from the lift (x, z) and the pressure before it; ``stop`` ends the present stroke; ``reset``
+    has for how long (s) nothing was drawn before it.
     """
 
     kind: Kind
     way: Point = (0.0, 0.0)
     pressure: float = 0.0
+    away: float = inf
 
 
 @dataclass
@@ -62,10 +64,23 @@ class Stroke:
         """m along the stroke."""
         return self.points[-1].arc if self.points else 0.0
 
-    def unambiguous(self, now: float, rules: PenRules) -> bool:
-        """Whether it can only become locomotion: far and fast, and not slowing down."""
+    def unambiguous(self, now: float, rules: PenRules, heading: float | None = None) -> bool:
+        """Whether it can become locomotion only, or leads where locomotion would.
+
+        It goes far and fast and does not slow down, or it goes straight on for a figure that faces ``heading`` (rad
+        from +Z): a step ahead and a short walk end at the same place with the same front.
+        """
+        if heading is not None and self.reach >= rules.early_least and self.aside(heading) <= rules.early_ahead:
+            return True
         fast = self.fast_since is not None and now - self.fast_since >= rules.early_time
         return fast and self.reach >= rules.early_step and self.quick >= rules.early_share * self.peak
+
+    def aside(self, heading: float) -> float:
+        """rad between ``heading`` (from +Z) and the way from its beginning to its end, 0..pi."""
+        if not self.points:
+            return 0.0
+        (x0, z0), (x1, z1) = self.points[0].place, self.points[-1].place
+        return abs((atan2(x1 - x0, z1 - z0) - heading + pi) % (2.0 * pi) - pi)
 
     @property
     def reach(self) -> float:
@@ -173,8 +188,9 @@ class PenTrack:
                 self._begin(sample)
                 return [*events, Event("landing", way, lift.pressure)]
         events = [] if self.stopped else [self._stop()]
+        away = sample.time - self.moved_at
         self._begin(sample)
-        return [*events, Event("reset")]
+        return [*events, Event("reset", away=away)]
 
     def _begin(self, sample: Sample) -> None:
         """A stroke begins where the last one ended, wherever the pen is."""

@@ -92,13 +92,16 @@ def test_a_foot_on_its_print_rolls_and_leans_about_heel_or_ball(pitch, lean, yaw
 def test_the_print_of_a_foot_lies_under_what_it_stands_on(seed):
     random = np.random.default_rng(seed)
     feet, mark = feet_of(default_figure()), np.empty(5)
-    wanted = np.array([*random.normal(0.0, 2.0, 3), random.uniform(-3, 3), 0.0])
+    slope = random.uniform(-0.4, 0.4) if seed % 2 else 0.0
+    wanted = np.array([*random.normal(0.0, 2.0, 3), random.uniform(-3, 3), slope])
     ankle, turn, again, turned = np.empty(3), np.empty(4), np.empty(3), np.empty(4)
     pitch, lean = random.uniform(-1.0, 0.5), random.uniform(-0.3, 0.3)
     planted(feet, 1, wanted, pitch, lean, ankle, turn)
-    assert sole_depth(feet, 1, ankle, turn, float(wanted[1])) == pytest.approx(0.0, abs=1e-9)
+    if slope == 0.0:
+        assert sole_depth(feet, 1, ankle, turn, float(wanted[1])) == pytest.approx(0.0, abs=1e-9)
+    under = wanted[1] + feet.soles[1, 1 if pitch >= 0.0 else 2] * np.sin(slope)
     ankle[1] += 0.02
-    print_under(feet, 1, ankle, turn, float(wanted[1]), mark)
+    print_under(feet, 1, ankle, turn, float(under), slope, mark)
     np.testing.assert_allclose(mark, wanted, atol=1e-9)
     planted(feet, 1, mark, pitch, lean, again, turned)
     np.testing.assert_allclose(again, ankle - np.array([0.0, 0.02, 0.0]), atol=1e-9)
@@ -202,3 +205,55 @@ def test_feet_stand_on_a_slope(slope):
         assert player.beyond < 1e-6
     assert player.place.z == pytest.approx(3.0, abs=0.01)
     assert player.root[1] == pytest.approx(0.92 + slope * 3.0, abs=0.06)
+
+
+@pytest.mark.parametrize(("speed", "begin"), [(0.8, 2.9), (1.3, 2.5), (2.4, 3.1), (3.2, 2.5)])
+def test_feet_stay_where_they_stand_on_a_kerb_and_none_is_thrown_up(speed, begin):
+    """A kerb 12 cm high, up and down again within 30 cm: contact points stay, prints lie on it, no leg jerks."""
+    z = -2.0 + 0.025 * np.arange(400)
+    rise = np.clip((z - begin) / 0.3, 0.0, 1.0) - np.clip((z - begin - 2.1) / 0.3, 0.0, 1.0)
+    field = Heightfield(0.12 * rise[:, None] * np.ones((1, 401)), 0.025, -5.0, -2.0)
+    player = Player(builtin_set(), ground=field)
+    player.follow(path_of([[0, 0], [0, 7.0]], speeds=[speed, speed]))
+    held = [[], []]  # per side: marks of the present lock, places of its contact point
+    turned, rates = [], []
+    for _ in range(1500):
+        player.update(1 / 60)
+        turned.append(player.rotations.copy())
+        for side, (points, pitch) in enumerate(_soles(player)):
+            mark = player.state.prints[side]
+            if player.state.mode[side] != LOCKED:
+                held[side].clear()
+                continue
+            _, heel, ball = player.feet.soles[side]
+            for end in (heel, ball):
+                along = end * np.cos(mark[4])
+                x, at = mark[0] + along * np.sin(mark[3]), mark[2] + along * np.cos(mark[3])
+                assert mark[1] + end * np.sin(mark[4]) == pytest.approx(field(x, at), abs=1e-3)
+            which = 0 if pitch > np.sin(mark[4]) else 1
+            held[side].append((which, points[which][[0, 2]]))
+            same = [place for one, place in held[side] if one == which]
+            assert np.linalg.norm(same[-1] - same[0]) < 0.5e-3
+        if player.free:
+            break
+    assert player.place.z == pytest.approx(7.0, abs=0.02)
+    turned = np.array(turned)
+    rates = rot.log(rot.mul(turned[1:], rot.inverse(turned[:-1]))) * 60.0
+    assert np.degrees(np.linalg.norm(np.diff(rates, axis=0), axis=-1)).max() < 800.0
+
+
+@pytest.mark.parametrize("length", [0.3, 0.35, 0.45, 0.6])
+def test_a_walk_of_less_than_two_steps_ends_with_both_feet_beside_each_other(length):
+    player = Player(builtin_set())
+    player.follow(path_of([[0, 0], [0, length]], speeds=[1.4, 1.4]))
+    slid = np.zeros(2)
+    before = player.state.ankle.copy()
+    for _ in range(200):
+        player.update(1 / 60)
+        ankle = player.state.ankle
+        low = (ankle[:, 1] < 0.092) & (before[:, 1] < 0.092)
+        slid += low * np.hypot(ankle[:, 0] - before[:, 0], ankle[:, 2] - before[:, 2])
+        before = ankle.copy()
+    assert slid.max() < 0.06
+    assert list(player.state.mode) == [LOCKED, LOCKED]
+    assert abs(player.state.ankle[0, 2] - player.state.ankle[1, 2]) < 0.05

@@ -169,6 +169,46 @@ def test_a_reset_far_away_goes_on_from_the_last_point() -> None:
     assert tablet.last(Locomotion).path[-1].z == pytest.approx(4.0, abs=0.05)
 
 
+@pytest.mark.parametrize("length", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("aside", [-60, 0, 60])
+@pytest.mark.parametrize("arrived", [False, True])
+def test_after_a_reset_a_short_stroke_goes_on_with_the_path(length: float, aside: int, arrived: bool) -> None:
+    tablet = Tablet()
+    tablet.place = (0.0, -1.0)
+    tablet.line((0.0, 2.0), 1.5)
+    tablet.lift()
+    if arrived:
+        tablet.scene.positions[tablet.scene.joint("hips")] = 0.0, 0.9, 2.0
+    tablet.wait(0.8)
+    tablet.place = (0.0, -1.0)
+    way = (length * sin(aside * pi / 180), length * cos(aside * pi / 180))
+    tablet.line(way, 0.3)
+    tablet.lift()
+    tablet.wait(0.8)
+    tablet.place = (0.0, -1.0)  # what such strokes add up to is not lost
+    tablet.line((0.0, 1.0), 0.8)
+    tablet.lift()
+    tablet.wait(0.5)
+    assert set(tablet.kinds()) == {"Locomotion"}
+    end = tablet.last(Locomotion).path[-1]
+    assert (end.x, end.z) == pytest.approx((way[0], 3.0 + way[1]), abs=0.03)
+
+
+def test_a_short_stroke_back_after_a_walk_is_a_step_and_so_is_one_that_comes_later() -> None:
+    for pause, way in ((0.8, (0.0, -0.4)), (2.0, (0.0, 0.4)), (0.8, (0.4, 0.0))):
+        tablet = Tablet()
+        tablet.place = (0.0, -1.0)
+        tablet.line((0.0, 2.0), 1.5)
+        tablet.lift()
+        tablet.scene.positions[tablet.scene.joint("hips")] = 0.0, 0.9, 2.0
+        tablet.wait(pause)
+        tablet.place = (0.0, -1.0)
+        tablet.line(way, 0.3)
+        tablet.lift()
+        tablet.wait(0.5)
+        assert tablet.kinds()[-1] == "Step"
+
+
 @pytest.mark.parametrize("gap", [0.06, 0.15, 0.3, 0.5, 0.65])
 @pytest.mark.parametrize("azimuth", range(0, 360, 45))
 def test_lift_and_land_near_is_a_jump_there(azimuth: int, gap: float) -> None:
@@ -320,22 +360,35 @@ def test_noise_jitter_and_lost_samples_change_no_meaning(rate: float, seed: int)
 
 
 def test_an_unambiguous_stroke_can_start_early() -> None:
-    def begin(early: bool) -> float:
+    def begin(way: tuple[float, float], early: bool) -> float:
         tablet = Tablet(early=early)
-        tablet.line((0.0, 2.0), 1.0)
-        return next(one.path[-1].z for one in tablet.commands if isinstance(one, Locomotion))
+        tablet.line(way, 1.0)
+        end = next(one.path[-1] for one in tablet.commands if isinstance(one, Locomotion))
+        return hypot(end.x, end.z)
 
-    assert begin(True) < 0.6 < RULES.longest_step < begin(False)
+    assert begin((0.0, 2.0), True) < 0.2
+    assert begin((1.7, 1.0), True) < 0.6 < RULES.longest_step < begin((1.7, 1.0), False)
     quick = Tablet(early=True)
-    quick.stroke(lambda s: (0.0, 0.65 * s * s * (3.0 - 2.0 * s)), 0.35)  # fast, but it slows down to its end
+    quick.stroke(lambda s: (0.6 * s * s * (3.0 - 2.0 * s), 0.0), 0.35)  # fast, but it slows down to its end
     quick.lift()
     quick.wait(0.5)
     assert quick.kinds() == ["Step"]
     slow = Tablet(early=True)
-    slow.line((0.0, 0.6), 0.6)
+    slow.line((0.6, 0.0), 0.6)
     slow.lift()
     slow.wait(0.5)
     assert slow.kinds() == ["Step"]
+
+
+def test_an_early_start_straight_ahead_ends_where_the_step_would() -> None:
+    tablet = Tablet(early=True)
+    tablet.line((0.05, 0.4), 0.3)
+    tablet.lift()
+    tablet.wait(0.5)
+    assert set(tablet.kinds()) == {"Locomotion"}
+    walk = tablet.last(Locomotion)
+    assert walk.complete
+    assert (walk.path[-1].x, walk.path[-1].z) == pytest.approx((0.05, 0.4), abs=0.01)
 
 
 @pytest.mark.parametrize("size", [(0.05, 0.03), (0.0762, 0.0508), (0.25, 0.15), (0.62, 0.46), (2.0, 1.2), None])
