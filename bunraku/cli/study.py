@@ -28,8 +28,9 @@ def run(args: argparse.Namespace) -> int:
     if not found:
         raise Problem(f"no studies in {FOLDER}: they come with the source; clone the repository", USAGE)
     if args.name is None:
+        wide = max(len(name) for name in found)
         for name, path in found.items():
-            print(f"{name:12} {_line(path)}")
+            print(f"{name:{wide}}  {_line(path)}")
         return 0
     if args.name not in found:
         raise Problem(
@@ -54,11 +55,13 @@ def studies() -> dict[str, Path]:
 
 
 def load(name: str, path: Path) -> ModuleType:
-    """Import a study under a name of its own; a folder becomes a package."""
+    """Import a study under a name of its own; a folder becomes a package, a file finds those beside it."""
     package = f"bunraku_study_{name}"
     if path.name == "study.py":
         _import(package, path.with_name("__init__.py"), [str(path.parent)])
         return _import(f"{package}.study", path, None)
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
     return _import(package, path, None)
 
 

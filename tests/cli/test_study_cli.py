@@ -1,6 +1,8 @@
 """`bunraku study`: the list, its own arguments, and one simulated user at the easiest pose."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,14 @@ def test_the_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert {"touch", "gait"} <= listed
 
 
+@pytest.mark.parametrize("name", studies())
+def test_every_study_can_be_asked_what_it_takes(name: str) -> None:
+    asked = [sys.executable, "-m", "bunraku.cli", "study", name, "--help"]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert f"bunraku study {name}" in done.stdout
+
+
 def test_an_unknown_study_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["study", "tuch"]) == 2
     said = capsys.readouterr().err
@@ -29,8 +39,6 @@ def test_an_unknown_study_is_refused_in_one_line(capsys: pytest.CaptureFixture[s
 
 def test_fitts_law_and_the_scatter_of_movements() -> None:
     load("touch", studies()["touch"])
-    import sys
-
     motor = sys.modules["bunraku_study_touch.motor"]
     one = motor.Motor(drag_a=0.1, drag_b=0.2, width=0.1, noise=0.1, tremor=0.0, hidden=0.0)
     # log2(0.3 / 0.1 + 1) = 2 bits
