@@ -3,8 +3,8 @@
     python studies/gait.py [-o docs/motion-synth.png]
 
 Reads captures from $BUNRAKU_MOCAP (default ../shared/mocap beside the repository). Prints the table of
-docs/motion-synth.md: for each curve how far the generated one is from the captures' mean, and how far the
-captures themselves are from it.
+docs/motion-synth.md: for each curve how far the generated one is from the captures' mean and how far the captures
+themselves are from it; how the generated one correlates with that mean, and each capture with the mean of the others.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from bunraku.motion import rotation as rot
 from bunraku.motion.analysis_contacts import contacts
 from bunraku.motion.analysis_gait import gait_cycles
 from bunraku.motion.build import Source
-from bunraku.motion.build_edit import closed, repeated
+from bunraku.motion.build_edit import closed, levelled, repeated
 from bunraku.motion.build_plan import best_loop
 from bunraku.motion.bvh import read_bvh
 from bunraku.motion.clip import Clip
@@ -97,19 +97,28 @@ def generated(gait: Gait) -> tuple[Curves, float, float]:
 def captured(name: str) -> list[tuple[Curves, float, float]]:
     """All whole cycles of a capture, of both sides; of a short one the cycle that closes best, repeated."""
     clip = read_bvh(FOLDER / "clips" / f"{name}.bvh")
-    sides = (clip, clip.mirrored())
-    found = [(one, cycle) for one in sides for cycle in gait_cycles(one)]
+    on = contacts(clip)
+    clip = levelled(clip, on)  # captured floors rise by centimetres on the way
+    sides = ((clip, on), (clip.mirrored(), on[:, ::-1]))
+    found = [(one, cycle) for one, flags in sides for cycle in gait_cycles(one, flags)]
     if not found:
-        source = Source(name, clip, contacts(clip))
+        source = Source(name, clip, on)
         loop = best_loop(source)
         if loop is not None:
             first, last = loop
             flags = source.flags[first : last + 1]
             whole = repeated(closed(clip.slice(first, last + 1)), 3)
-            on = np.concatenate([flags, flags[1:], flags[1:]])
-            for one, feet in ((whole, on), (whole.mirrored(), on[:, ::-1])):
+            thrice = np.concatenate([flags, flags[1:], flags[1:]])
+            for one, feet in ((whole, thrice), (whole.mirrored(), thrice[:, ::-1])):
                 found += [(one, cycle) for cycle in gait_cycles(one, feet)[:1]]
     return [curves(one, cycle.keys[0], cycle.keys[-1]) for one, cycle in found]
+
+
+def agreement(found: list[Array]) -> float:
+    """Mean correlation of each captured curve with the mean of the others."""
+    every = np.array(found)
+    others = (every.sum(axis=0) - every) / max(len(every) - 1, 1)
+    return float(np.mean([np.corrcoef(one, rest)[0, 1] for one, rest in zip(every, others, strict=True)]))
 
 
 def panel(draw: ImageDraw.ImageDraw, at: tuple[int, int], name: str, made: Array, real: list[Array]) -> None:
@@ -162,7 +171,7 @@ def main() -> None:
             off = float(np.sqrt(np.mean((made[name] - mean) ** 2)))
             spread = float(np.mean([np.sqrt(np.mean((c - mean) ** 2)) for c in curves_of]))
             shape = float(np.corrcoef(made[name], mean)[0, 1])
-            rows.setdefault(name, []).append(f"{off:.1f} / {spread:.1f} / {shape:.2f}")
+            rows.setdefault(name, []).append(f"{off:.1f} / {spread:.1f} / {shape:.2f} / {agreement(curves_of):.2f}")
         names.append(title)
     print(f"\n| curve | {' | '.join(names)} |\n|---{'|---' * len(names)}|")
     for name, cells in rows.items():

@@ -4,7 +4,9 @@ Sources: Boulic, Magnenat-Thalmann, Thalmann 1990 (cycle length and support time
 trunk amplitudes, after Inman and Murray); Winter 1991, The Biomechanics and Motor Control of Human Gait
 (sagittal angles of hip, knee and foot over the cycle); Orendurff et al. 2004, J. Rehab. Res. Dev. 41(6)
 (excursion of the body's centre up and down and to the sides against speed); Murray, Sepic, Barnard 1967,
-Phys. Ther. 47 (arm swing); Novacheck 1998, Gait and Posture 7 (running: stance share, knee, hip, trunk).
+Phys. Ther. 47 (arm swing); Novacheck 1998, Gait and Posture 7 (running: stance share, knee, hip, trunk); Bruijn
+et al. 2008, Gait and Posture 27(3) (pelvis and chest turn together in slow walks, the pelvis with the swinging leg in
+fast ones). Where the sources give no times those of captured walks and runs at the same speed are taken.
 Speeds and times are those of a leg of 0.83 m; other legs are scaled by equal Froude numbers.
 """
 
@@ -33,6 +35,7 @@ class Gait:
     width: float = 0.09  # m between the ankles, side to side
     toe_out: float = 6.0  # degrees
     bob: float = 0.040  # m, lowest to highest
+    dip: float = 0.0  # m, amplitude: sharper low and flatter high than a cosine's
     sway: float = 0.045  # m, side to side
     surge: float = 0.008  # m, amplitude back and forth
     pelvis_turn: float = 4.5  # degrees, amplitude
@@ -55,6 +58,13 @@ class Gait:
     clearance: float = 0.012  # m under the swinging foot
     above: float = 0.40  # where in the stance the hips pass over the ankle
     reach: float = 0.9985  # of the leg's length, at most, while standing
+    # Shares of the cycle from the left foot's strike:
+    high_at: float = 0.335  # the body is highest over the left foot
+    sway_at: float = 0.335  # it is farthest to the left
+    pelvis_at: float = 0.55  # the left hip is farthest back
+    chest_at: float = 1.0  # the left shoulder is farthest back
+    arm_at: float = 0.51  # the left arm is farthest forward
+    elbow_at: float = 0.55  # the left elbow is bent most
 
 
 ROUND = 0.014
@@ -82,33 +92,46 @@ def blend(x: ArrayLike, low: float, high: float) -> Array:
 
 def walking(speed: float, **changes: float) -> Gait:
     """A natural walk at a speed of 0..2.2 m/s."""
+
+    def at(*rows: tuple[float, float]) -> float:
+        """By (speed, value) rows, straight between, held at the ends."""
+        return float(np.interp(speed, [row[0] for row in rows], [row[1] for row in rows]))
+
     relative = max(speed, 0.0) / THIGH_HEIGHT
     stride = STRIDE * np.sqrt(max(relative, 1e-6)) * THIGH_HEIGHT
     # Below a strolling pace people who are led take shorter, not ever slower steps.
-    cycle = min(stride / max(speed, 1e-6), 1.32 - 0.10 * float(blend(0.35 - speed, 0.0, 0.35)))
+    cycle = min(stride / max(speed, 1e-6), at((0.0, 1.22), (0.35, 1.32), (0.7, 1.44)))
     support = 0.752 * cycle - 0.143
     slow = float(1.0 - blend(speed, 0.0, 0.6))
     gait = Gait(
         speed=speed,
         cycle=cycle,
-        stance=float(np.clip(support / cycle - 0.004, 0.58, 0.68)),
+        stance=float(np.clip(support / cycle - 0.004, 0.58, 0.68)) + at((0.3, 0.0), (0.7, 0.009), (1.1, 0.0)),
         width=0.10 + 0.05 * slow,
-        bob=float(np.interp(speed, [0.0, 0.7, 1.6, 2.2], [0.010, 0.022, 0.044, 0.055])),
-        sway=float(np.interp(speed, [0.0, 0.7, 1.6, 2.2], [0.058, 0.060, 0.038, 0.032])),
+        bob=at((0.0, 0.010), (0.7, 0.018), (1.25, 0.035), (1.6, 0.044), (2.2, 0.055)),
+        dip=0.0036 * float(blend(speed, 0.2, 0.8)),
+        sway=at((0.0, 0.058), (0.7, 0.060), (1.6, 0.038), (2.2, 0.032)),
         surge=0.008 * float(blend(speed, 0.0, 0.8)),
-        pelvis_turn=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [0.5, 2.5, 4.5, 9.0])),
-        pelvis_list=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [2.2, 2.6, 3.6, 4.8])),
-        chest_turn=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [0.3, 1.8, 3.6, 6.0])),
-        lean=float(np.interp(speed, [0.0, 1.3, 2.2], [1.0, 2.0, 4.5])),
-        arm=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [1.5, 9.0, 17.5, 27.0])),
-        arm_mean=float(np.interp(speed, [0.0, 1.3, 2.2], [-1.0, -5.0, -4.0])),
-        elbow=float(np.interp(speed, [0.0, 1.3, 2.2], [17.0, 22.0, 42.0])),
-        elbow_swing=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [1.0, 5.0, 11.0, 15.0])),
-        heel_pitch=float(np.interp(speed, [0.0, 0.4, 1.3, 2.2], [-4.0, 9.0, 23.0, 28.0])),
-        toe_pitch=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [17.0, 42.0, 52.0, 58.0])),
-        thigh=float(np.interp(speed, [0.0, 0.6, 1.3, 2.2], [0.45, 0.74, 1.0, 1.15])),
+        pelvis_turn=at((0.0, 0.5), (0.6, 3.6), (1.3, 5.2), (2.2, 8.0)),
+        pelvis_list=at((0.0, 2.2), (0.6, 2.6), (1.3, 3.6), (2.2, 4.8)),
+        chest_turn=at((0.0, 0.3), (0.6, 3.2), (1.3, 3.2), (2.2, 5.5)),
+        lean=at((0.0, 1.0), (1.3, 2.0), (2.2, 4.5)),
+        arm=at((0.0, 1.5), (0.6, 9.0), (1.3, 17.5), (2.2, 27.0)),
+        arm_mean=at((0.0, -1.0), (1.3, -5.0), (2.2, -4.0)),
+        elbow=at((0.0, 17.0), (1.3, 24.0), (2.2, 42.0)),
+        elbow_swing=at((0.0, 1.0), (0.6, 5.0), (1.3, 12.0), (2.2, 17.0)),
+        heel_pitch=at((0.0, -4.0), (0.4, 9.0), (1.3, 23.0), (2.2, 28.0)),
+        toe_pitch=at((0.0, 17.0), (0.7, 38.0), (1.3, 52.0), (2.2, 58.0)),
+        thigh=at((0.0, 0.45), (0.6, 0.74), (1.3, 1.0), (2.2, 1.15)),
         clearance=0.012 + 0.025 * slow,
-        above=0.385,
+        above=at((0.3, 0.385), (0.7, 0.45), (1.1, 0.385)),
+        reach=at((0.3, 0.9985), (0.7, 0.980), (1.1, 0.9985)),
+        high_at=at((0.7, 0.305), (1.3, 0.335)),
+        sway_at=at((0.7, 0.390), (1.3, 0.335)),
+        pelvis_at=at((0.75, 0.80), (1.1, 0.59), (1.35, 0.56), (1.8, 0.545)),
+        chest_at=at((0.7, 0.88), (1.3, 0.99), (1.8, 1.01)),
+        arm_at=at((0.7, 0.45), (1.2, 0.51)),
+        elbow_at=at((0.7, 0.50), (1.3, 0.55)),
     )
     return replace(gait, **changes)
 
@@ -116,10 +139,11 @@ def walking(speed: float, **changes: float) -> Gait:
 def running(speed: float, **changes: float) -> Gait:
     """A natural run at a speed of 1.8..5 m/s."""
     fast = float(np.clip((speed - 2.0) / 2.5, 0.0, 1.2))
+    stance = 0.345 - 0.085 * fast
     gait = Gait(
         speed=speed,
         cycle=0.76 - 0.07 * fast,
-        stance=0.345 - 0.085 * fast,
+        stance=stance,
         running=1.0,
         width=0.055,
         toe_out=5.0,
@@ -129,7 +153,7 @@ def running(speed: float, **changes: float) -> Gait:
         pelvis_turn=3.5 + 2.0 * fast,
         pelvis_list=4.5,
         pelvis_tilt=6.0,
-        chest_turn=8.0 + 3.0 * fast,
+        chest_turn=6.0 + 2.0 * fast,
         lean=7.0 + 3.5 * fast,
         arm=22.0 + 13.0 * fast,
         arm_mean=-14.0,
@@ -142,6 +166,13 @@ def running(speed: float, **changes: float) -> Gait:
         clearance=0.02,
         above=0.345,
         reach=0.987,
+        high_at=0.5 * stance + 0.25,
+        sway_at=0.5 * stance,
+        # From the walk's way of turning the pelvis to that of fast runners, whose hip is back when the foot lands.
+        pelvis_at=float(np.interp(speed, [2.0, 3.0, 3.6, 4.5], [0.41, 0.325, 0.09, 0.04])),
+        chest_at=0.93,
+        arm_at=0.33,
+        elbow_at=0.33,
     )
     return replace(gait, **changes)
 

@@ -63,12 +63,11 @@ def _trunk(frame: Frame, gait: Gait, phase: Array) -> tuple[Array, Array, Array,
     """Root (F, 3) in the path's frame and tilts (F, 3) of pelvis, chest and head."""
     size = frame.length
     r = gait.running
-    middle = 0.335 * (1.0 - r) + 0.5 * gait.stance * r  # of the left leg's stance
-    high = middle + 0.25 * r  # running is lowest there, walking highest
+    high = TAU * (phase - gait.high_at)
     root = np.stack(
         [
-            0.5 * size * gait.sway * np.cos(TAU * (phase - 0.02 - middle)) - 0.05 * size * np.sin(gait.tilt),
-            frame.standing + 0.5 * size * gait.bob * np.cos(2 * TAU * (phase - high)),
+            0.5 * size * gait.sway * np.cos(TAU * (phase - gait.sway_at)) - 0.05 * size * np.sin(gait.tilt),
+            frame.standing + size * (0.5 * gait.bob * np.cos(2 * high) - gait.dip * np.cos(4 * high)),
             size * (gait.surge * np.sin(2 * TAU * (phase - 0.08)) - 0.13 * np.sin(gait.bend) - 0.05 * gait.duck),
         ],
         -1,
@@ -77,12 +76,12 @@ def _trunk(frame: Frame, gait: Gait, phase: Array) -> tuple[Array, Array, Array,
     # Curving bodies lean into the curve.
     bank = np.arctan(gait.speed * gait.turn / 9.81) * 0.8
     ducked = np.radians(12.0) * gait.duck
-    # Walking, the trunk leans most while one leg bears it; running, when it lands.
-    nod = (2.0 * r - 1.0) * np.cos(2 * TAU * (phase - 0.08))
+    # Walking, the trunk leans most while one leg bears it; running, shortly after it lands.
+    nod = (2.0 * r - 1.0) * np.cos(2 * TAU * (phase - 0.125))
     pelvis = np.stack(
         [
             np.radians(gait.pelvis_tilt) + np.radians(1.2) * nod + 0.42 * gait.bend + 0.4 * ducked,
-            -turn * np.cos(TAU * (phase - 0.02)),
+            turn * np.cos(TAU * (phase - gait.pelvis_at)),
             -np.radians(gait.pelvis_list) * np.cos(TAU * (phase - (0.17 - 0.02 * r))) + 0.35 * gait.tilt + 0.6 * bank,
         ],
         -1,
@@ -90,7 +89,7 @@ def _trunk(frame: Frame, gait: Gait, phase: Array) -> tuple[Array, Array, Array,
     chest = np.stack(
         [
             np.radians(gait.lean) + np.radians(1.0) * nod + gait.bend * 1.05 + ducked,
-            np.radians(gait.chest_turn) * np.cos(TAU * (phase - 0.04)),
+            np.radians(gait.chest_turn) * np.cos(TAU * (phase - gait.chest_at)),
             np.radians(1.6) * np.cos(TAU * (phase - 0.24)) + 1.12 * gait.tilt + bank,
         ],
         -1,
@@ -110,10 +109,10 @@ def _arms(gait: Gait, phase: Array, plan: Plan) -> None:
     """Each arm swings with the other side's leg; the elbow follows a little later."""
     for side in (0, 1):
         own = phase + 0.5 * side
-        forth = -np.cos(TAU * (own - 0.03 + 0.18 * gait.running)) - 0.08 * np.cos(2 * TAU * (own - 0.10))
+        forth = np.cos(TAU * (own - gait.arm_at)) - 0.08 * np.cos(2 * TAU * (own - 0.10))
         ahead = 0.4 * gait.bend + 0.10 * gait.duck  # arms hang while the trunk bends
         plan.shoulder[side] = np.radians(gait.arm_mean + gait.arm * forth) + ahead
-        bend = -np.cos(TAU * (own - 0.09 + 0.24 * gait.running))
+        bend = np.cos(TAU * (own - gait.elbow_at))
         plan.elbow[side] = np.radians(np.maximum(gait.elbow + gait.elbow_swing * bend, 6.0))
         plan.abduct[side] = np.radians(gait.abduct + 1.5 * np.cos(2 * TAU * own)) + abs(gait.tilt) * (
             -0.2 if SIGN[side] * gait.tilt < 0 else 0.7
