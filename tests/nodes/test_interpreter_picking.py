@@ -1,4 +1,4 @@
-"""Which part a touch means: the nearest box on its ray, or one a finger's width beside it; a plane that a ray grazes."""
+"""What a touch means: the nearest box on its ray, or one a finger's width beside it; a plane that a ray grazes."""
 
 import numpy as np
 import pytest
