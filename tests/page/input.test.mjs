@@ -1,6 +1,7 @@
 // What hands do on the page becomes frames: fingers, pen, mouse, sliders, gamepad, and the outbox.
 import assert from "node:assert/strict";
 import {test} from "node:test";
+import {Calibration} from "../../nodes/web/page/calibrate.js";
 import {fingerKey, SliderHands} from "../../nodes/web/page/hands.js";
 import {MouseFingers, MousePen} from "../../nodes/web/page/mouse.js";
 import {Outbox} from "../../nodes/web/page/outbox.js";
@@ -256,4 +257,22 @@ test("one message a frame and kind, a heartbeat for what is held, nothing from a
   assert.equal(sent.length, before);
   outbox.flush(now(360), true);
   assert.equal(sent.length, before);
+});
+
+test("a bank card tells the size of the picture, and it is remembered", () => {
+  const kept = new Map();
+  const store = {getItem: (k) => kept.get(k) ?? null, setItem: (k, v) => kept.set(k, v), removeItem: (k) => kept.delete(k)};
+  const first = new Calibration(store);
+  assert.equal(first.size({width: 800, height: 450}), null, "not measured: nobody knows");
+  near(first.metres, 0.0254 / 96);
+  first.card(428); // a card of 85.6 mm is 428 pixels wide: 0.2 mm a pixel
+  const again = new Calibration(store);
+  near(again.pixels, 428);
+  const [width, height] = again.size({width: 800, height: 450});
+  near(width, 0.16);
+  near(height, 0.09);
+  again.forget();
+  assert.equal(new Calibration(store).size({width: 800, height: 450}), null);
+  store.setItem("bunraku.metres", "12");
+  assert.equal(new Calibration(store).known, false, "a pixel of twelve metres is not believed");
 });
