@@ -10,13 +10,15 @@ def launch(
     touch: str = "",
     pen: str = "",
     lan: bool = False,
+    tls: bool = False,
     window: Literal["auto", "on", "off"] = "auto",
     record: str = "",
     film: str = "",
 ) -> list[NodeSpec]:
     """Walk the figure with a pen while a finger waves its arm.
 
-    source:=web prints the page's link; source:=script plays touch:= (.touch) and pen:= (.pen) at once and ends with
+    source:=web prints the page's link, lan:=true one with a token for the network's tablets, tls:=true over https;
+    source:=script plays touch:= (.touch) and pen:= (.pen) at once and ends with
     the touches; record:= and film:= name the bag and the mp4 to write.
     """
     live = source == "web"
@@ -30,7 +32,7 @@ def launch(
         node("controller", respawn=True),
     ]
     if live:
-        specs.append(node("web", params={"lan": lan}, respawn=True))
+        specs.append(node("web", params={"lan": lan, "tls": tls}, respawn=True))
     if film or window != "off":
         specs.append(node("renderer", params={"output": film, "window": window, "fps": 60}, stop=60.0))
     if record or live:  # the page asks it for takes

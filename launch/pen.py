@@ -20,6 +20,7 @@ def launch(
     ground: str = "",
     page: bool = False,
     lan: bool = False,
+    tls: bool = False,
     window: Literal["auto", "on", "off"] = "auto",
     record: str = "",
     film: str = "",
@@ -32,7 +33,8 @@ def launch(
     script); script:= is a performance (.pen, .pad); scale:= is how many metres of the ground a
     metre of a tablet is; early:=true begins to walk before a stroke is a step long; natural:=true walks as people do
     instead of exactly as the hand drew; obstacles:= is a file of what is walked round (.toml); ground:= is a file of
-    uneven ground; page:=true serves the page beside another source; record:=, film:= and sheet:= name the bag, the
+    uneven ground; page:=true serves the page beside another source, lan:=true to the network's tablets by a link with
+    a token, tls:=true over https; record:=, film:= and sheet:= name the bag, the
     mp4 and the sheet of pictures to write.
     """
     if source == "hid" and device == "pad":
@@ -60,7 +62,7 @@ def launch(
         node("blender", params=blender, remap=MOTION_AS_POSE, respawn=True),
     ]
     if web:
-        specs.append(node("web", params={"lan": lan}, respawn=True))
+        specs.append(node("web", params={"lan": lan, "tls": tls}, respawn=True))
     if film or sheet or window != "off":
         shots = {"output": film, "sheet": sheet, "window": window, "fps": 60}
         specs.append(node("renderer", params=shots, stop=60.0))

@@ -11,6 +11,7 @@ def launch(
     port: int = 3333,
     page: bool = False,
     lan: bool = False,
+    tls: bool = False,
     window: Literal["auto", "on", "off"] = "auto",
     record: str = "",
     film: str = "",
@@ -18,8 +19,9 @@ def launch(
 ) -> list[NodeSpec]:
     """Touch and drag the figure: on the page, a TUIO table, a touch screen, or by a written performance.
 
-    source:=web prints the page's link; port:= is TUIO's; script:= is a performance (.touch); page:=true serves the
-    page beside another source; record:=, film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
+    source:=web prints the page's link; lan:=true lets the network's tablets in by a link with a token, tls:=true over
+    https; port:= is TUIO's; script:= is a performance (.touch); page:=true serves the page beside another source;
+    record:=, film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
     """
     drivers = [source, "web"] if page and source != "web" else [source]
     touch: dict[str, object] = {"drivers": drivers, "port": port}
@@ -31,7 +33,7 @@ def launch(
         node("controller", respawn=True),
     ]
     if "web" in drivers:
-        specs.append(node("web", params={"lan": lan}, respawn=True))
+        specs.append(node("web", params={"lan": lan, "tls": tls}, respawn=True))
     if film or sheet or window != "off":
         shots = {"output": film, "sheet": sheet, "window": window, "fps": 60}
         specs.append(node("renderer", params=shots, stop=60.0))

@@ -1,4 +1,4 @@
-"""The pen's launch files: which nodes they ask for, with what."""
+"""The launch files of pen, touch and page: which nodes they ask for, with what."""
 
 from typing import Any
 
@@ -42,3 +42,9 @@ def test_a_duet_is_two_figures_with_a_pen_each() -> None:
     assert nodes("duet")["web"]["figures"] == ["alice", "bob"]
     with pytest.raises(LaunchError, match=r"alice:=\.\.\. bob:="):
         nodes("duet", "source:=hid")
+
+
+@pytest.mark.parametrize("name", ["touch", "pen", "mixed"])
+def test_the_network_is_let_in_when_asked_and_over_https_when_asked(name: str) -> None:
+    assert nodes(name)["web"] == {"lan": False, "tls": False}
+    assert nodes(name, "lan:=true", "tls:=true")["web"] == {"lan": True, "tls": True}
