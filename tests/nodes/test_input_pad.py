@@ -142,7 +142,20 @@ def test_turning_the_stick_bends_the_walk() -> None:
     assert abs(atan2(way[0], way[2]) - pi / 2) < 0.15
 
 
-def test_the_right_stick_leans_or_with_a_button_aims_steps_and_jumps() -> None:
+def test_the_right_stick_leans_and_bends_standing_and_walking() -> None:
+    for right, lean in (((1.0, 0.0), (-0.70, 0.0)), ((0.0, -1.0), (0.0, 0.70))):
+        play = Play()
+        play.hold(0.5, (0, 0), right)
+        stand = play.stage.last("command")
+        assert (stand.tilt, stand.bend) == pytest.approx(lean, abs=0.02)
+        play.hold(1.0, (0.0, -0.5), right)
+        end = play.stage.last("command").path[-1]
+        assert (end.tilt, end.bend) == pytest.approx(lean, abs=0.05)
+        play.hold(2.5)
+        assert play.blender.core.player.posture == pytest.approx([0.0, 0.0, 0.0], abs=0.02)
+
+
+def test_the_right_stick_aims_steps_and_jumps_with_a_button() -> None:
     play = Play()
     play.hold(0.1, (0, 0), (1.0, 0.0), 1)
     play.hold(2.0)

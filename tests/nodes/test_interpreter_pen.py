@@ -209,7 +209,7 @@ def test_a_short_stroke_back_after_a_walk_is_a_step_and_so_is_one_that_comes_lat
         assert tablet.kinds()[-1] == "Step"
 
 
-@pytest.mark.parametrize("gap", [0.06, 0.15, 0.3, 0.5, 0.65])
+@pytest.mark.parametrize("gap", [0.03, 0.06, 0.15, 0.3, 0.5, 0.65, 0.69])
 @pytest.mark.parametrize("azimuth", range(0, 360, 45))
 def test_lift_and_land_near_is_a_jump_there(azimuth: int, gap: float) -> None:
     way = (0.9 * sin(azimuth * pi / 180), 0.9 * cos(azimuth * pi / 180))
@@ -239,7 +239,7 @@ def test_lift_and_land_at_the_same_place_jumps_as_high_as_was_pressed(pressure: 
 
 
 def test_too_late_or_too_far_is_no_jump() -> None:
-    for way, gap in (((0.5, 0.0), 0.9), ((2.2, 0.0), 0.3)):
+    for way, gap in (((0.5, 0.0), 0.72), ((0.5, 0.0), 0.9), ((1.05, 0.0), 0.3), ((0.0, 1.7), 0.3)):
         tablet = Tablet()
         tablet.send((0.0, 0.0))
         tablet.scene.now += 0.2
