@@ -1,5 +1,6 @@
 """Whatever bytes a capture file holds: a clip or one line with the line's number, in little memory and soon."""
 
+import time
 import tracemalloc
 
 import numpy as np
@@ -14,6 +15,8 @@ from bunraku.motion.synth import builtin_set
 
 MEMORY = 60_000_000
 """bytes that a broken file of a few hundred kB may cost at most while it is read"""
+SECONDS = 20.0
+"""of the processor that one file may take: whole ones take hundredths, the worst below less than one"""
 
 
 def _asf() -> str:
@@ -56,8 +59,9 @@ WORDS = [
 
 
 def one_line(call) -> None:
-    """A result that is finite, or an error of one line with a line number, in bounded memory."""
+    """A result that is finite, or an error of one line with a line number, in bounded memory and time."""
     tracemalloc.start()
+    begun = time.process_time()
     try:
         clip = call()
     except CaptureError as error:
@@ -71,6 +75,7 @@ def one_line(call) -> None:
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     assert peak < MEMORY
+    assert time.process_time() - begun < SECONDS
 
 
 @st.composite
@@ -172,7 +177,9 @@ def test_claims_and_sizes_beyond_reason(name):
     if good is None:
         one_line(lambda: interpret(parse_bvh(text, "x.bvh")).clip)
     elif good:
+        begun = time.process_time()
         assert len(interpret(parse_bvh(text, "x.bvh")).clip) in (11, 12)
+        assert time.process_time() - begun < SECONDS
     else:
         with pytest.raises(CaptureError) as caught:
             interpret(parse_bvh(text, "x.bvh"))
