@@ -198,6 +198,16 @@ def test_a_flood_of_fingers_and_devices_stays_bounded() -> None:
     assert core.contacts.heard == {}  # type: ignore[attr-defined]
 
 
+def test_how_long_a_silent_device_is_remembered_is_set_live() -> None:
+    table = Table()
+    table.down(1, table.place("left_hand"))
+    assert table.stage.ask(table.node, "param.set", name="forget", value=0.6)["ok"]
+    table.stage.advance(0.4)
+    assert table.held() == {"left_hand"}
+    table.stage.advance(0.4)
+    assert table.held() == set()
+
+
 @pytest.mark.parametrize("resting", [1, 2])
 def test_fingers_that_rest_on_nothing_do_not_hold_a_drag_up(resting: int) -> None:
     alone, table = Table(), Table()
