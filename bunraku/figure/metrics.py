@@ -128,6 +128,17 @@ def largest_velocity_step(rotations: Array, dt: float) -> float:
     return float(np.linalg.norm(np.diff(joint_velocities(rotations, dt), axis=0), axis=-1).max())
 
 
+def unexplained_ways(positions: Array, motion: Array, led: Array) -> Array:
+    """How far (F-1, J) m joints go in a frame beyond what the motion under them and the hand on them explain.
+
+    Seen from the motion's root: what is farther than the joint ever goes in a frame of ``motion`` (F, J, 3) and, on
+    top, than the finger did (``led`` (F-1) m). Negative where less.
+    """
+    ways = np.linalg.norm(np.diff(positions - motion[:, :1], axis=0), axis=-1)
+    own = np.linalg.norm(np.diff(motion - motion[:, :1], axis=0), axis=-1).max(axis=0)
+    return np.asarray(ways - own - np.asarray(led)[:, None])
+
+
 def mean_jerk(positions: Array, dt: float) -> float:
     """Mean third derivative (m/s³) of joints' positions (F, J, 3)."""
     if len(positions) < 4:

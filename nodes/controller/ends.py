@@ -105,9 +105,12 @@ def move_ends(
                 st.aims[row, 1] = max(st.aims[row, 1], rig.ankle_heights[limb - 2])
             for k in range(3):
                 st.points[row, k] = st.aims[row, k]
+        elif over and limb < 2:
+            # (What a touch has left of it evens out joint by joint: `even_limbs`.)
+            arms[limb] = goals[row]
+            st.velocities[row] = 0.0
         elif over:
-            out = arms[limb] if limb < 2 else st.points[row]
-            ease_point(ways[row], st.velocities[row], goals[row], gains.motion_half_life, dt, out)
+            ease_point(ways[row], st.velocities[row], goals[row], gains.motion_half_life, dt, st.points[row])
         elif limb < 2:
             for k in range(3):
                 arms[limb, k] = st.points[row, k] - st.roots[limb, k]

@@ -65,7 +65,9 @@ def turn_hinges(
         aim = np.array([now + wrap(goal + st.pushes[limb] - now)])
         st.extra[limb] = now
         spring_to_into(st.extra[limb : limb + 1], st.extra_rates[limb : limb + 1], aim, gains.swivel_half_life, dt)
-        if st.mode[0] < 1.5:
+        over = under.active[0] > 0.5 and limb < 2 and held.flags[1 + limb] < 0.5 and held.flags[8 + limb] < 0.5
+        if st.mode[0] < 1.5 or over:
+            # (Over a motion a free arm is as that has it, and what a touch has left evens out by `even_limbs`.)
             st.extra[limb], st.extra_rates[limb] = aim[0], 0.0
         elif held.flags[8 + limb] < 0.5:
             way = 0.0

@@ -24,6 +24,7 @@ from bunraku.nodes.controller.hinges import turn_hinges
 from bunraku.nodes.controller.interaction import sway_hands, sway_trunk
 from bunraku.nodes.controller.legs import knee_pace, lean_room
 from bunraku.nodes.controller.over import (
+    LEAST_SPAN,
     ease_point,
     ease_turn,
     even_limbs,
@@ -64,8 +65,6 @@ FREE_WAY = 0.3
 """Share of its relaxing speed with which a free limb slides along something."""
 HURRY_HALF_LIFE = 0.08
 """s in which the speed of a limb's goal is forgotten."""
-LEAST_SPAN = 1.0 / 120.0
-"""s: the shortest step over which velocities are measured."""
 
 
 @kernel
@@ -110,8 +109,7 @@ def advance(
     )
     before[:] = st.points
     swivels_before[:] = st.swivels
-    if not over:
-        go_on_as_drawn(st, held)
+    go_on_as_drawn(st, held)
 
     # Where everything would rest, and whether the feet have to go somewhere.
     update_heading(gains, st, held, under, dt)
@@ -188,14 +186,16 @@ def advance(
     paces = np.empty(4)
     if over:
         even_limbs(
-            rig, gains, st, held, under, flags, moved, around, rotations_ls, positions_ws, rotations_ws, paces, dt
+            rig, gains, st, held, under, flags, around, rotations_ls, positions_ws, rotations_ws, paces, dt
         )  # fmt: skip
     remember(
         rig, st, held, flags, before, trunk_before[0], carried[0], relaxed_trunk, relaxed_pelvis, arms, goals,
         goal_turns, positions_ws, max(dt, LEAST_SPAN),
     )  # fmt: skip
     if over:
-        remember_ways(st, ways_before, turned_before, goals, goal_turns, paces, max(dt, LEAST_SPAN))
+        remember_ways(
+            st, held, flags, ways_before, turned_before, goals, goal_turns, paces, max(dt, LEAST_SPAN)
+        )  # fmt: skip
     else:
         forget_limbs(st)
     center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)

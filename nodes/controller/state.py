@@ -113,12 +113,15 @@ class State(NamedTuple):
     lift: Array  # (2,) a foot that a held knee has lifted
     mode: Array  # (3,) started, over a motion, something touches or pulls
     step: Array  # (32,) see bunraku.nodes.controller.step
-    leads: Array  # (4, 3, 4) each limb's joints against the motion at the last step; 0 over none
+    leads: Array  # (4, 3, 4) each limb's joints at the last step, without fades; 0 over no motion
+    bases: Array  # (4, 3, 4) the same of the motion
+    reaches: Array  # (4, 3) m, where held ends were wanted, seen from what their limbs hang from; 0 for free ones
     fades: Array  # (4, 3, 3) rad, what is left of changes that were too quick
     fade_rates: Array  # (4, 3, 3) rad/s
+    lead_rates: Array  # (2, 3, 3) rad/s, how fast held arms' joints leave their motion
 
 
-STATE_SIZE = 405
+STATE_SIZE = 483
 """Numbers in a state."""
 
 
@@ -161,8 +164,11 @@ def unpack_state(b: Array) -> State:
         b[250:253],
         b[253:285],
         b[285:333].reshape(4, 3, 4),
-        b[333:369].reshape(4, 3, 3),
-        b[369:405].reshape(4, 3, 3),
+        b[333:381].reshape(4, 3, 4),
+        b[381:393].reshape(4, 3),
+        b[393:429].reshape(4, 3, 3),
+        b[429:465].reshape(4, 3, 3),
+        b[465:483].reshape(2, 3, 3),
     )
 
 

@@ -104,3 +104,18 @@ def test_path_error() -> None:
     path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
     points = np.array([[0.5, 0.2], [1.0, 0.5], [2.0, 2.0]])
     np.testing.assert_allclose(metrics.path_error(points, path), [0.2, 0.0, np.sqrt(2)])
+
+
+def test_unexplained_ways_are_what_motion_and_finger_do_not_tell() -> None:
+    motion = np.zeros((5, 2, 3))
+    motion[:, :, 2] = 0.02 * np.arange(5)[:, None]  # all of it walks off
+    motion[:, 1, 1] = [0.0, 0.03, 0.03, 0.0, 0.0]
+    figure = motion.copy()
+    led = np.zeros(4)
+    assert metrics.unexplained_ways(figure, motion, led).max() <= 1e-12
+    figure[2:, 1, 0] += 0.10
+    found = metrics.unexplained_ways(figure, motion, led)
+    assert np.unravel_index(found.argmax(), found.shape) == (1, 1)
+    assert found.max() == pytest.approx(0.07)
+    led[1] = 0.05
+    assert metrics.unexplained_ways(figure, motion, led).max() == pytest.approx(0.02)
