@@ -97,7 +97,7 @@ def _run(
                     stage.turn(node)
             except ValueError as error:
                 node.log.error("%s", error)
-                stage.stop(1)
+                stage.stop(2 if isinstance(error, ParamProblem) else 1)
             except Exception as error:
                 errors(error)
                 stage.stop(1)

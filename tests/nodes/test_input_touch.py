@@ -1,5 +1,8 @@
 """The touch node: contract of its topic whatever the driver, and the written performance."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -310,3 +313,12 @@ def test_pages_that_went_make_room_for_others() -> None:
     for visitor in range(100, 120):
         stage.publish("web/events", page(f"web-{visitor}", "touch", Contact(id=1, phase="down", x=0.5, y=0.5)))
     assert stage.last("touch").device == "web-115"  # sixteen at once
+
+
+def test_a_performance_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "bunraku.cli", "run", "input_touch", "--set", "script:=none.touch"]
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path), "BUNRAKU_STAGE": "t"}
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "none.touch: cannot be read" in line
