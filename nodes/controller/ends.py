@@ -30,11 +30,17 @@ LANDED = 1.5e-3
 
 @kernel
 def held_hinge(rig: Rig, st: State, limb: int, held: Held, positions_ws: Array, out: Array) -> None:
-    """Where a limb's end goes (3, m) when its elbow or knee is held: the bone beyond keeps its direction."""
+    """Where a limb's end goes (3, m) when its elbow or knee is held: the bone beyond keeps its direction.
+
+    That is, as the figure sees it: the direction turns with the heading.
+    """
     upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
+    c, s = cos(st.heading[0]), sin(st.heading[0])
     if st.held[8 + limb] < 0.5:
         for k in range(3):
-            st.beyond[limb, k] = positions_ws[end, k] - positions_ws[lower, k]
+            out[k] = positions_ws[end, k] - positions_ws[lower, k]
+        st.beyond[limb, 0], st.beyond[limb, 1] = c * out[0] - s * out[2], out[1]
+        st.beyond[limb, 2] = s * out[0] + c * out[2]
         st.held[8 + limb] = 1.0
     d = 0.0
     for k in range(3):
@@ -48,7 +54,10 @@ def held_hinge(rig: Rig, st: State, limb: int, held: Held, positions_ws: Array, 
         d += out[k] * out[k]
     d = max(sqrt(d), 1e-6)
     for k in range(3):
-        out[k] = positions_ws[upper, k] + out[k] * rig.lengths[limb, 0] / d + st.beyond[limb, k]
+        out[k] = positions_ws[upper, k] + out[k] * rig.lengths[limb, 0] / d
+    out[0] += c * st.beyond[limb, 0] + s * st.beyond[limb, 2]
+    out[1] += st.beyond[limb, 1]
+    out[2] += c * st.beyond[limb, 2] - s * st.beyond[limb, 0]
 
 
 @kernel

@@ -109,7 +109,7 @@ class State(NamedTuple):
     wishes: Array  # (4, 3) m, the ends as they went into the limbs, before joint limits held them back
     stuck: Array  # (4,) s that a free limb could not go on
     hurry: Array  # (4,) m/s, how fast each limb's goal has moved lately
-    beyond: Array  # (4, 3) m, forearm or shin when its elbow or knee was grabbed
+    beyond: Array  # (4, 3) m, forearm or shin when its elbow or knee was grabbed, against the heading
     lift: Array  # (2,) a foot that a held knee has lifted
     mode: Array  # (3,) started, over a motion, something touches or pulls
     step: Array  # (32,) see bunraku.nodes.controller.step
