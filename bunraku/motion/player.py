@@ -238,6 +238,11 @@ class Player:
         """Whether the figure has caught up with a path that is still growing."""
         return self.path is not None and not self.ending and self.activity == "stand"
 
+    @property
+    def resumes(self) -> float:
+        """m that such a path must have grown before the figure goes on."""
+        return 0.12 * self.scale
+
     # The next pose
 
     def update(self, dt: float) -> None:
@@ -258,7 +263,7 @@ class Player:
         playing = self.playing
         playing.ask(self._stand_goal(), self.pace.posture, dt)
         playing.u = playing.later(dt) % 1.0
-        if self.path is not None and not self.ending and self.path.end - self.s > 0.12 * self.scale:
+        if self.path is not None and not self.ending and self.path.end - self.s > self.resumes:
             self.follow(self.path, gait=self.gait, complete=False)
 
     def _stand_goal(self) -> Array:

@@ -38,6 +38,8 @@ ASIDE = 0.87
 """rad: a standing figure turns toward a path that begins farther off its heading than this."""
 JOIN = 0.6
 """m: a new path that begins within this of the old one's end is walked after it, else instead of it."""
+GROWN = 0.05
+"""m by which a path that is done with must have grown to be walked on."""
 DRIVEN = -1
 """Instead of a command's id: the figure is driven."""
 
@@ -64,6 +66,9 @@ class BlenderCore:
         self.say = say
         self.waiting: list[Command] = []
         self.done: list[int] = []
+        self.ends: dict[int, float] = {}  # m, arc length: how far each path was ever said to go
+        self.complete: int | None = None  # the path whose end was said last
+        self.posed: Stand | None = None  # the posture that holds: no other and no walk began since
         self.current: int | None = None
         self.walk: _Walk | None = None
         self.prints: list[Print] = []
@@ -76,7 +81,8 @@ class BlenderCore:
         self.waiting.clear()
         self.done.clear()
         self.prints.clear()
-        self.current, self.walk = None, None
+        self.ends.clear()
+        self.current, self.walk, self.posed, self.complete = None, None, None, None
 
     def drive(self, speed: float, turn: float, tilt: float, bend: float, duck: float) -> None:
         """Go by speed (m/s) and turn rate (rad/s) instead of by commands, or stand in a posture; to be repeated.
@@ -137,15 +143,31 @@ class BlenderCore:
                 return
         if len(self.waiting) >= MOST_WAITING:
             dropped = self.waiting.pop(0)
+            self._finish(dropped.id)
             self.say(f"{MOST_WAITING} commands wait already: {type(dropped).__name__.lower()} {dropped.id} is dropped")
         self.waiting.append(command)
         if self.walk is not None and not self.player.ending:
             self.player.ending = True  # what comes next ends the stroke
 
     def _stand(self, command: Stand) -> None:
+        """Take a posture; an old one, or the same once more, is not taken again."""
+        before = self.posed
+        if command.id in self.done:
+            return
+        if before is not None and before.id != command.id:
+            self._finish(before.id)
+            before = None
+        if before is not None and _posture(before) == _posture(command):
+            return
+        self.posed = command
         if self.walk is not None and not self.player.ending:
             self.player.stop()
+            self.player.ending = True
+            if self.walk.id != DRIVEN:
+                self._finish(self.walk.id)
         self.player.stand(command.tilt, command.bend, command.duck)
+        if before is not None and before.heading == command.heading:
+            return
         if command.heading is not None:
             self._wait(Turn(id=command.id, heading=command.heading, body=command.body))
             return
@@ -154,13 +176,12 @@ class BlenderCore:
     def _walk(self, command: Locomotion | WalkGesture) -> None:
         gait = command.gait if isinstance(command, WalkGesture) else ""
         path = self._path(command)
-        if path is None:
-            return
-        if command.id in self.done and path.end <= self._finished_end(command) + 0.05:
+        if path is None or self._old(command, path):
             return
         walk = self.walk
         if walk is not None and walk.id == command.id:
-            self._follow(command, path, gait)
+            if command.complete or not (self.player.waiting and path.end - self.player.s <= self.player.resumes):
+                self._follow(command, path, gait)
         elif walk is not None and self._joins(path):
             self.player.ending = True
             self._wait(command)
@@ -171,11 +192,23 @@ class BlenderCore:
         else:
             self._wait(command)
 
-    def _finished_end(self, command: Locomotion | WalkGesture) -> float:
-        """A finished path is walked again only where it has grown beyond the figure's place."""
-        path = self._path(command)
-        assert path is not None
-        return path.nearest(self.player.place.x, self.player.place.z)
+    def _old(self, command: Locomotion | WalkGesture, path: Path) -> bool:
+        """Whether a path was walked, stopped or taken over, or its end was said; unless it has grown."""
+        id, known = command.id, self.ends.get(command.id)
+        if id in self.done:
+            if known is None or path.end <= known + GROWN:
+                return True
+            self.done.remove(id)
+        elif id == self.complete and not command.complete and known is not None and path.end <= known:
+            return True
+        self.ends[id] = max(path.end, self.ends.pop(id, path.end))
+        for one in list(self.ends)[: -REMEMBERED - MOST_WAITING]:
+            del self.ends[one]
+        if command.complete:
+            self.complete = id
+        elif id == self.complete:
+            self.complete = None
+        return False
 
     def _joins(self, path: Path) -> bool:
         old = self.player.path
@@ -206,8 +239,7 @@ class BlenderCore:
         player = self.player
         last = path.end - path.nearest(player.place.x, player.place.z) if self.walk is None else 1.0
         if self.walk is None and last < NEAR and self._away(path) < 0.25:
-            if command.complete:
-                self._finish(command.id)
+            self._finish(command.id)
             return
         if self.walk is None and player.free:
             aside = self._aside(path)
@@ -215,6 +247,9 @@ class BlenderCore:
                 self.waiting.insert(0, command)
                 self.moves.turn(player.place.heading + aside)
                 return
+        if self.posed is not None:
+            self._finish(self.posed.id)
+            self.posed = None
         heading = command.heading if isinstance(command, Locomotion) else None
         self.walk = _Walk(command.id, gait, path.end, heading)
         self.current = command.id
@@ -283,7 +318,7 @@ class BlenderCore:
                     self._follow(command, path, command.gait if isinstance(command, WalkGesture) else "")
             elif self._move(command):
                 self.waiting.insert(0, command)  # one more is needed when this one is over
-            else:
+            elif self.posed is None or command.id != self.posed.id:
                 self._finish(command.id)
 
     def _move(self, command: CommandBase) -> bool:
@@ -324,6 +359,9 @@ class BlenderCore:
                 "player": self.player.snapshot(),
                 "waiting": [one.encode() for one in self.waiting],
                 "done": self.done,
+                "ends": list(self.ends.items()),
+                "complete": self.complete,
+                "posed": None if self.posed is None else self.posed.encode(),
                 "current": self.current,
                 "walk": None if walk is None else [walk.id, walk.gait, walk.end, walk.heading],
                 "prints": self.prints,
@@ -341,6 +379,9 @@ class BlenderCore:
             self.player.restore(saved["player"])
             self.waiting = [decode(Command, body) for body in saved["waiting"]]
             self.done = [int(one) for one in saved["done"]]
+            self.ends = {int(id): float(end) for id, end in saved["ends"]}
+            self.complete = saved["complete"]
+            self.posed = None if saved["posed"] is None else decode(Stand, saved["posed"])
             self.current = saved["current"]
             self.walk = None if saved["walk"] is None else _Walk(*saved["walk"])
             self.prints = [(int(side), [float(v) for v in row]) for side, row in saved["prints"]]
@@ -355,6 +396,10 @@ def _walks(command: Command) -> TypeGuard[Locomotion | WalkGesture]:
     if isinstance(command, WalkGesture):
         return command.gait in ("walk", "jog", "run", "sneak", "march")
     return isinstance(command, Locomotion)
+
+
+def _posture(command: Stand) -> tuple[float, float, float, float | None]:
+    return command.tilt, command.bend, command.duck, command.heading
 
 
 __all__ = ["BlenderCore", "joints_of"]

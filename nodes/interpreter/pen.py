@@ -186,7 +186,7 @@ class PenCore:
             if self.walk is not None:
                 self.walk.complete = True
                 self._queue.append(self._locomotion(self.walk, scene))
-                self.walk = None
+                self.walk, self._said = None, None
             away = distance((0.0, 0.0), event.way)
             height = rules.jump_low + (rules.jump_high - rules.jump_low) * min(max(event.pressure, 0.0), 1.0)
             goal = None if away <= rules.jump_same else (self.track.end[0], 0.0, self.track.end[1])
