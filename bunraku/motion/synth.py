@@ -35,8 +35,8 @@ _LOCOMOTION: tuple[tuple[str, Gait], ...] = (
     ("brisk_walk", walking(1.9)),
     ("jog", running(2.5)),
     ("run", running(3.8)),
-    ("turn_in_place_left", walking(0.25, turn=100 * DEG)),
-    ("turn_in_place_right", walking(0.25, turn=-100 * DEG)),
+    ("turn_in_place_left", walking(0.25, turn=100 * DEG, width=0.24)),
+    ("turn_in_place_right", walking(0.25, turn=-100 * DEG, width=0.24)),
     ("walk_left", walking(1.1, turn=60 * DEG)),
     ("walk_right", walking(1.1, turn=-60 * DEG)),
     ("run_left", running(2.7, turn=50 * DEG)),
@@ -49,7 +49,7 @@ _LOCOMOTION: tuple[tuple[str, Gait], ...] = (
     ("walk_ducked_left", walking(0.85, turn=55 * DEG, duck=0.80)),
     ("walk_ducked_right", walking(0.85, turn=-55 * DEG, duck=0.80)),
     ("run_bent", running(2.6, bend=20 * DEG)),
-    ("run_ducked", running(2.6, duck=0.55)),
+    ("run_ducked", running(2.6, duck=0.55, toe_pitch=48.0)),
     ("walk_crouched_left", walking(0.9, tilt=18 * DEG, bend=24 * DEG, duck=0.55)),
     ("walk_crouched_right", walking(0.9, tilt=-18 * DEG, bend=24 * DEG, duck=0.55)),
     ("run_tilt_left", running(2.6, tilt=14 * DEG)),
@@ -70,7 +70,7 @@ _STAND: tuple[tuple[str, float, float, float], ...] = (
 
 _STEP_ANGLES = (0.0, 45.0, 90.0, 135.0, 180.0)
 _STEP_NEAR, _STEP_FAR = 0.30, (0.70, 0.62, 0.55, 0.52, 0.50)
-_TURNS = (8.0, 40.0, 75.0, 110.0, 145.0)
+_TURNS = (8.0, 40.0, 70.0, 100.0, 130.0)
 _JUMP_HEIGHTS = (0.20, 0.36, 0.52)
 # module: directions (degrees, left positive), (distance, height) m
 _JUMPS: dict[str, tuple[tuple[float, ...], tuple[tuple[float, float], ...]]] = {
@@ -169,6 +169,7 @@ def cache_file(skeleton: Skeleton) -> Path:
         digest.update(source.read_bytes())
     for name in ("motionset.py", "parameters.py", "analysis.py", "ground.py", "leg.py", "clip.py"):
         digest.update((here / name).read_bytes())
+    digest.update((here.parent / "figure" / "limits.py").read_bytes())
     digest.update(skeleton.hash.encode())
     for array in (skeleton.masses, skeleton.mass_centers, skeleton.box_centers, skeleton.box_sizes):
         digest.update(array.tobytes())

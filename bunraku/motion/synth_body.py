@@ -18,6 +18,7 @@ from bunraku.motion import rotation as rot
 from bunraku.motion.clip import Clip, local
 from bunraku.motion.ground import Sole, sole_of
 from bunraku.motion.leg import bend_leg
+from bunraku.motion.synth_bounds import arms_in_body, eased
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,11 @@ SIDES = ("left", "right")
 SIGN = (1.0, -1.0)  # +X is the figure's left
 GRAVITY = 9.81  # m/s²
 REFERENCE_LEG = 0.83  # m, thigh and shin of the figure that lengths and times were written for
+ARM_TRIES = 8
+"""How often arms are lifted aside until they are clear."""
+ARM_DONE = 0.005  # rad, which is left as it is
+KNEE_TURN = np.radians(52.0)
+"""What a knee turns toward its foot at most, softly: the rest of a foot's turn is left to the ankle."""
 MOST_REACH = 0.9985  # of the leg's length: the knee keeps 6 degrees
 
 
@@ -117,8 +123,23 @@ def turned(tilts: Array) -> Array:
     return rot.mul(lean, rot.mul(forward, rot.yaw(tilts[:, 1])))
 
 
-def assemble(name: str, frame: Frame, plan: Plan) -> Clip:
-    """The frames of a plan on its skeleton, 60 a second."""
+def assemble(name: str, frame: Frame, plan: Plan, closed: bool = False) -> Clip:
+    """The frames of a plan on its skeleton, 60 a second; ``closed`` where the last one is the first again.
+
+    Arms that would hang in trunk or legs are lifted aside (``plan.abduct``).
+    """
+    clip = posed(name, frame, plan)
+    for _ in range(ARM_TRIES):
+        lack = arms_in_body(clip)
+        if lack.max() < ARM_DONE:
+            break
+        plan.abduct += np.stack([eased(1.3 * row, 6, closed) for row in lack])
+        clip = posed(name, frame, plan)
+    return clip
+
+
+def posed(name: str, frame: Frame, plan: Plan) -> Clip:
+    """The frames of a plan as they are."""
     skeleton, rig = frame.skeleton, frame.rig
     frames = len(plan.root)
     world = np.zeros((frames, len(skeleton), 4))
@@ -188,7 +209,8 @@ def _leg(frame: Frame, plan: Plan, world: Array, side: int) -> None:
     world[:, foot_joint] = rot.mul(foot_yaw, pitch)
     # The knee points between pelvis and foot, a little outward.
     turn = plan.heading + 0.4 * plan.pelvis[:, 1]
-    toward = turn + 0.65 * _wrap(plan.foot_yaw[side] - turn) + SIGN[side] * plan.knee_out
+    apart = _wrap(plan.foot_yaw[side] - turn)
+    toward = turn + KNEE_TURN * np.tanh(0.65 * apart / KNEE_TURN) + SIGN[side] * plan.knee_out
     poles = np.stack([np.sin(toward), 0.1 * np.ones(len(toward)), np.cos(toward)], axis=-1)
     thigh, shin = np.empty(4), np.empty(4)
     for f in range(len(plan.root)):

@@ -121,7 +121,7 @@ def walking(speed: float, **changes: float) -> Gait:
         elbow=at((0.0, 17.0), (1.3, 24.0), (2.2, 42.0)),
         elbow_swing=at((0.0, 1.0), (0.6, 5.0), (1.3, 12.0), (2.2, 17.0)),
         heel_pitch=at((0.0, -4.0), (0.4, 9.0), (1.3, 23.0), (2.2, 28.0)),
-        toe_pitch=at((0.0, 17.0), (0.7, 38.0), (1.3, 52.0), (2.2, 58.0)),
+        toe_pitch=at((0.0, 17.0), (0.7, 38.0), (1.3, 52.0), (2.2, 54.5)),
         thigh=at((0.0, 0.45), (0.6, 0.74), (1.3, 1.0), (2.2, 1.15)),
         clearance=0.012 + 0.025 * slow,
         above=at((0.3, 0.385), (0.7, 0.45), (1.1, 0.385)),
@@ -223,13 +223,12 @@ def foot_pitch(gait: Gait, phase: Array) -> Array:
     return np.radians(curve(walk, phase))
 
 
-def toe_bend(gait: Gait, own: Array) -> Array:
-    """Toes stay on the ground while the heel rises, then come back to the foot."""
+def toe_bend(gait: Gait, own: Array, pitch: Array) -> Array:
+    """(n,) rad: toes stay on the ground while the heel rises, then come back to the foot, which is at ``pitch`` (n)."""
     phase = np.mod(own, 1.0)
-    pitch = foot_pitch(gait, phase)
     release = 1.0 - blend(phase, gait.stance, gait.stance + 0.45 * (1.0 - gait.stance))
     standing = np.where(phase <= gait.stance, 1.0, release)
     # As far as toes bend, softly.
-    limit, soft = np.radians(64.0), np.radians(4.0)
+    limit, soft = np.radians(76.0), np.radians(4.0)
     up = np.maximum(-pitch, 0.0)
     return np.asarray((up - soft * np.logaddexp(0.0, (up - limit) / soft)) * standing, dtype=np.float64)

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from bunraku.motion import rotation as rot
 from bunraku.motion.clip import Clip
-from bunraku.motion.synth_body import FPS, SIGN, Frame, Plan, assemble, turned
+from bunraku.motion.synth_body import FPS, SIGN, Frame, Plan, assemble, posed, turned
+from bunraku.motion.synth_bounds import ANKLE_TRIES, pitched_more
 from bunraku.motion.synth_curves import TAU, Gait
-from bunraku.motion.synth_leg import Arc, from_world, stance, swing, to_world
+from bunraku.motion.synth_leg import Arc, Roll, from_world, stance, swing, to_world
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -26,19 +27,36 @@ def gait_clip(name: str, frame: Frame, gait: Gait) -> tuple[Clip, Array, Flags]:
     period = steps / FPS
     phase = np.arange(steps + 1) / steps
     arc = Arc(gait.speed * slow, gait.turn / slow)
+    # Where an ankle comes to the end of its range the foot is pitched otherwise, and with it all of the leg.
+    pitched = np.zeros((2, steps))
+    for _ in range(ANKLE_TRIES):
+        plan = _planned(frame, gait, phase, period, arc, pitched)
+        more = pitched_more(posed(name, frame, plan), closed=True)
+        if not more.any():
+            break
+        for side in (0, 1):
+            pitched[side] += np.interp(np.mod(phase[:-1] + 0.5 * side, 1.0), phase, more[side])
+    clip = assemble(name, frame, plan, closed=True)
+    passes = _passing(plan, *arc.at(phase * period), period)
+    return clip, np.array([0.0, passes[0], 0.5 * period, passes[1], period]), plan.contacts
+
+
+def _planned(frame: Frame, gait: Gait, phase: Array, period: float, arc: Arc, pitched: Array) -> Plan:
+    """The cycle at phases (F), its feet pitched by ``pitched`` (2, n) rad more, from their own strikes on."""
     base, heading = arc.at(phase * period)
+    frames = len(phase)
     root, pelvis, chest, gaze = _trunk(frame, gait, phase)
     plan = Plan(
-        root=root, heading=heading, ankles=np.zeros((2, steps + 1, 3)), foot_yaw=np.zeros((2, steps + 1)),
-        foot_pitch=np.zeros((2, steps + 1)), contacts=np.zeros((steps + 1, 2), np.bool_), pelvis=pelvis, trunk=chest,
+        root=root, heading=heading, ankles=np.zeros((2, frames, 3)), foot_yaw=np.zeros((2, frames)),
+        foot_pitch=np.zeros((2, frames)), contacts=np.zeros((frames, 2), np.bool_), pelvis=pelvis, trunk=chest,
         gaze=gaze,
     )  # fmt: skip
     _arms(gait, phase, plan)
     hips = [root + _rotate(pelvis, frame.hip_offsets[side]) for side in (0, 1)]
     drop = 0.0
-    feet = []
+    feet, rolls = [], [Roll(gait, pitched[side]) for side in (0, 1)]
     for side in (0, 1):
-        foot = stance(frame, gait, side, phase, period, arc)
+        foot = stance(frame, gait, side, phase, period, arc, rolls[side])
         feet.append(foot)
         # In the frame of the path, with all cycles that the clip touches.
         standing, local_ankle = foot.contact, from_world(foot.ankle, base, heading)
@@ -52,11 +70,9 @@ def gait_clip(name: str, frame: Frame, gait: Gait) -> tuple[Clip, Array, Flags]:
     )
     for side in (0, 1):
         hip = root + _rotate(pelvis, frame.hip_offsets[side])
-        swing(frame, gait, side, phase, period, arc, hip, feet[side], plan)
+        swing(frame, gait, side, phase, period, arc, hip, feet[side], rolls[side], plan)
     plan.root = to_world(root, base, heading)
-    clip = assemble(name, frame, plan)
-    passes = _passing(plan, base, heading, period)
-    return clip, np.array([0.0, passes[0], 0.5 * period, passes[1], period]), plan.contacts
+    return plan
 
 
 def _trunk(frame: Frame, gait: Gait, phase: Array) -> tuple[Array, Array, Array, Array]:
@@ -117,7 +133,7 @@ def _arms(gait: Gait, phase: Array, plan: Plan) -> None:
         plan.abduct[side] = np.radians(gait.abduct + 1.5 * np.cos(2 * TAU * own)) + abs(gait.tilt) * (
             -0.2 if SIGN[side] * gait.tilt < 0 else 0.7
         )
-        plan.inward[side] = np.radians(18.0 + 16.0 * gait.running + 6.0 * np.maximum(forth, -0.4))
+        plan.inward[side] = np.radians(18.0 - 12.0 * gait.running + 6.0 * np.maximum(forth, -0.4))
 
 
 def _rotate(tilts: Array, offset: Array) -> Array:

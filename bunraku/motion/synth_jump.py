@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.motion.ground import rolled
-from bunraku.motion.synth_body import FPS, GRAVITY, SIGN, Frame, Plan, assemble
+from bunraku.motion.synth_body import FPS, GRAVITY, SIGN, Frame, Plan, assemble, posed
+from bunraku.motion.synth_bounds import ANKLE_TRIES, pitched_more
 from bunraku.motion.synth_curves import blend
 from bunraku.motion.synth_stand import TOE_OUT, Made, home_of, lowered, put_foot, quiet_plan, smooth, standing_height
 
@@ -76,9 +77,16 @@ def jump(name: str, frame: Frame, angle: float, distance: float, height: float, 
     plan.root += size * s[:, None] * np.array([np.sin(angle), 0.0, np.cos(angle)])
     squat = np.clip(-y / 0.36, 0.0, 1.0)
     plan.root[:, 2] -= 0.05 * size * squat
-    _jump_feet(frame, plan, t, way, deep, off, apex, on, settle, ahead, height)
     _jump_body(plan, t, deep, off, apex, on, settle, end, ahead, aside, height, low, dip_land)
-    lowered(frame, plan, 0.9985)
+    root, pitched = plan.root, np.zeros((2, frames + 1))
+    for _ in range(ANKLE_TRIES):
+        plan.root = root.copy()
+        _jump_feet(frame, plan, t, way, deep, off, apex, on, settle, ahead, height, pitched)
+        lowered(frame, plan, 0.9985)
+        more = pitched_more(posed(name, frame, plan))
+        if not more.any():
+            break
+        pitched += more
     return assemble(name, frame, plan), keys, plan.contacts
 
 
@@ -94,6 +102,7 @@ def _jump_feet(
     settle: float,
     ahead: float,
     height: float,
+    pitched: Array,
 ) -> None:
     """Feet push off over the toes, are drawn up in the air and come down before the body."""
     size = frame.length
@@ -120,6 +129,7 @@ def _jump_feet(
                 (on + 0.07, 0.0),
             ],
         )
+        pitch = pitch + pitched[side]
         # The soles stay below the body: drawn up in the middle, and all the way no farther off than a leg is long.
         w = np.sin(pi * u)
         lift = size * tuck * w**1.6 * (u > 0) * (u < 1)

@@ -82,6 +82,7 @@ class Arc:
 
 
 def to_world(places: Array, base: Array, heading: Array) -> Array:
+    """(..., 3) m in the world of places (..., 3) m seen from the path at ``base`` (..., 3) m, ``heading`` (...) rad."""
     c, s = np.cos(heading), np.sin(heading)
     x = places[..., 0] * c + places[..., 2] * s
     z = -places[..., 0] * s + places[..., 2] * c
@@ -89,6 +90,7 @@ def to_world(places: Array, base: Array, heading: Array) -> Array:
 
 
 def from_world(places: Array, base: Array, heading: Array) -> Array:
+    """(..., 3) m seen from the path (+Z ahead, +X to the left) of places (..., 3) m in the world; undoes `to_world`."""
     d = places - base
     c, s = np.cos(heading), np.sin(heading)
     return np.stack([d[..., 0] * c - d[..., 2] * s, d[..., 1], d[..., 0] * s + d[..., 2] * c], -1)
@@ -114,9 +116,33 @@ def _prints(frame: Frame, gait: Gait, side: int, period: float, arc: Arc, cycle:
     return place, float(heading[0] + out)
 
 
-def stance(frame: Frame, gait: Gait, side: int, phase: Array, period: float, arc: Arc) -> Foot:
+class Roll:
+    """How one foot is pitched over its own cycle: as published, and as the range of its ankle asks for besides.
+
+    Args:
+        added: (n,) rad, toes up positive, at n even phases from the foot's strike.
+    """
+
+    def __init__(self, gait: Gait, added: Array) -> None:
+        from scipy.interpolate import CubicSpline
+
+        self.gait = gait
+        closed = np.append(added, added[0])
+        self._more = CubicSpline(np.linspace(0.0, 1.0, len(closed)), closed, bc_type="periodic")
+
+    def pitch(self, phase: Array) -> Array:
+        """(n,) rad, toes up positive, at phases (n) from the foot's strike."""
+        return foot_pitch(self.gait, phase) + np.asarray(self._more(np.mod(phase, 1.0)), dtype=np.float64)
+
+    def toes(self, phase: Array) -> Array:
+        """(n,) rad that the toes are bent up against the foot."""
+        return toe_bend(self.gait, phase, self.pitch(phase))
+
+
+def stance(frame: Frame, gait: Gait, side: int, phase: Array, period: float, arc: Arc, roll: Roll) -> Foot:
+    """One foot (0 left, 1 right) on its prints, at phases (F) of a cycle of ``period`` s; not yet placed in the air."""
     own = phase - 0.5 * side
-    foot = Foot(np.zeros((len(phase), 3)), foot_pitch(gait, own), np.zeros(len(phase)), np.zeros(len(phase), np.bool_))
+    foot = Foot(np.zeros((len(phase), 3)), roll.pitch(own), np.zeros(len(phase)), np.zeros(len(phase), np.bool_))
     sole = frame.soles[side]
     offset = rolled(sole, foot.pitch)
     for cycle in (-1, 0, 1):
@@ -130,7 +156,8 @@ def stance(frame: Frame, gait: Gait, side: int, phase: Array, period: float, arc
 
 
 def swing(
-    frame: Frame, gait: Gait, side: int, phase: Array, period: float, arc: Arc, hip: Array, foot: Foot, plan: Plan
+    frame: Frame, gait: Gait, side: int, phase: Array, period: float, arc: Arc, hip: Array, foot: Foot, roll: Roll,
+    plan: Plan,
 ) -> None:  # fmt: skip
     """Fill in ankles, yaws and toes of one leg: stances as they are, swings by the angle curves."""
     own = phase - 0.5 * side
@@ -145,16 +172,16 @@ def swing(
     arriving = np.array([1.0, 1.0 + tick])
 
     def planted(at: Array, which: int) -> Array:
-        """The ankle on its print at phases of the cycle, seen from the path."""
+        """The ankle (n, 3) m on its print at phases (n) of the cycle, seen from the path."""
         place, yaw = _prints(frame, gait, side, period, arc, which)
-        rise = rolled(sole, foot_pitch(gait, at))
+        rise = rolled(sole, roll.pitch(at))
         spots = (
             place + rise[:, 1:] * np.array([np.sin(yaw), 0.0, np.cos(yaw)]) + rise[:, :1] * np.array([0.0, 1.0, 0.0])
         )
         return from_world(spots, *arc.at((cycle + 0.5 * side + at) * period))
 
     def published(at: Array) -> Array:
-        """The ankle by the published angles, seen from the path."""
+        """The ankle (n, 3) m by the published angles, seen from the path."""
         hips = _sample_hip(phase, hip, at + 0.5 * side)
         out = _fk(gait, at, upper, lower) + hips
         out[:, 0] = hips[:, 0]
@@ -172,6 +199,7 @@ def swing(
         falling = (lack[1] - lack[0]) / (tick * period)
 
         def flown(at: Array, lack: Array = lack, falling: Array = falling) -> Array:
+            """The ankle (n, 3) m in the air at phases (n) of the cycle, led to its next print, seen from the path."""
             share = (at - gait.stance) / (1.0 - gait.stance)
             return published(at) + _landed(lack[0], falling, share, seconds)
 
@@ -189,7 +217,7 @@ def swing(
             float(np.linalg.norm(planted(arriving, cycle + 1)[0] - ends[1])),
         )
         track = hips + _bent(track - hips, upper + lower, *long, share)
-        low = lowest(sole, track[:, 1], foot_pitch(gait, at), toe_bend(gait, at))
+        low = lowest(sole, track[:, 1], roll.pitch(at), roll.toes(at))
         want = gait.clearance * frame.length * np.sin(pi * share) ** 0.8
         track[:, 1] += _raised(np.maximum(want - low, 0.0), share)
         base, heading = arc.at(frames / count * period)
@@ -198,7 +226,7 @@ def swing(
         yaw0, yaw1 = (_prints(frame, gait, side, period, arc, c)[1] for c in (cycle, cycle + 1))
         foot.yaw[mine] = (yaw0 + (yaw1 - yaw0) * blend(share, 0.05, 0.95))[held]
     plan.ankles[side], plan.foot_yaw[side], plan.foot_pitch[side] = foot.ankle, foot.yaw, foot.pitch
-    plan.toe_bend[side] = toe_bend(gait, own)
+    plan.toe_bend[side] = roll.toes(own)
     plan.contacts[:, side] = foot.contact
 
 

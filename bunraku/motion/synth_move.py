@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.motion.synth_body import FPS, SIGN, Frame, Plan, assemble
+from bunraku.motion.synth_curves import blend
 from bunraku.motion.synth_stand import TOE_OUT, Made, home_of, lowered, put_foot, quiet_plan, smooth, track
 
 Array = NDArray[np.float64]
+
+WIDE, LARGE = 0.035, (np.radians(85.0), np.radians(130.0))
+"""m that both feet stand aside after a large turn, on the inner foot's side, so that heels do not meet; rad."""
 
 
 def step(name: str, frame: Frame, lead: int, angle: float, distance: float) -> Made:
@@ -119,13 +123,16 @@ def _step_foot(
     """One foot's way from where it stands to its new place, in the air from ``off`` to ``on`` (s)."""
     size = frame.length
     home = home_of(frame, side)
-    c, s = np.cos(angle), np.sin(angle)
-    goal = way + np.array([home[0] * c + home[2] * s, 0.0, -home[0] * s + home[2] * c])
+    out = (
+        SIGN[side] * (1.0 if side == (0 if angle > 0 else 1) else -1.0) * WIDE * size * float(blend(abs(angle), *LARGE))
+    )
+    way = way + np.array([out, 0.0, 0.0])
     u = track(times, [(off, 0.0), (on, 1.0)])
-    ground = home + u[:, None] * (goal - home)
-    # The foot keeps out of the way of the standing one, in an arc about it.
+    # The foot keeps out of the way of the standing one: around the body in a turn, in an arc about it.
     apart = np.sin(pi * np.clip((times - off) / (on - off), 0, 1)) ** 2
-    ground[:, 0] += SIGN[side] * 0.02 * size * apart
+    aside = home[0] + SIGN[side] * (0.02 + 0.015 * abs(angle)) * size * apart
+    ground = u[:, None] * way + np.stack([aside * np.cos(angle * u), 0.0 * u, -aside * np.sin(angle * u)], -1)
+    goal = way + home[0] * np.array([np.cos(angle), 0.0, -np.sin(angle)])
     far = float(np.linalg.norm(goal - home)) / size
     yaw = SIGN[side] * TOE_OUT + angle * track(times, [(off, 0.0), (on, 1.0)])
     lift = size * (0.035 + 0.035 * min(far, 1.0)) * np.sin(pi * np.clip((times - off) / (on - off), 0.0, 1.0)) ** 1.5

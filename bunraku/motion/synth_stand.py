@@ -125,7 +125,7 @@ def stand(name: str, frame: Frame, tilt: float, bend: float, duck: float) -> Mad
     plan.shoulder += np.radians(0.8) * breath
     plan.abduct += np.radians(0.7) * breath
     lowered(frame, plan)
-    clip = assemble(name, frame, plan)
+    clip = assemble(name, frame, plan, closed=True)
     return clip, np.array([0.0, period]), plan.contacts
 
 
@@ -136,11 +136,11 @@ def _posture(frame: Frame, plan: Plan, tilt: Array, bend: Array, duck: Array) ->
     back = 0.16 * np.sin(bend) * (bend > 0) + 0.10 * np.sin(bend) * (bend < 0)
     c, s = np.cos(plan.heading), np.sin(plan.heading)
     x = -0.10 * size * np.sin(tilt)
-    z = -size * back - 0.05 * size * duck
+    z = -size * back - 0.08 * size * duck
     plan.root[:, 0] += x * c + z * s
     plan.root[:, 2] += -x * s + z * c
     plan.root[:, 1] -= sink + 0.02 * size * np.abs(np.sin(bend)) + 0.02 * size * np.abs(np.sin(tilt))
-    lean = np.radians(16.0) * duck
+    lean = np.radians(20.0) * duck
     plan.pelvis[:, 0] += 0.45 * bend + 0.5 * lean
     plan.trunk[:, 0] += 1.07 * bend + lean
     plan.gaze[:, 0] += 0.55 * bend + 0.2 * lean
@@ -153,5 +153,6 @@ def _posture(frame: Frame, plan: Plan, tilt: Array, bend: Array, duck: Array) ->
         plan.elbow[side] += 0.25 * duck + 0.08 * np.abs(bend)
         outer = SIGN[side] * tilt < 0  # the arm on the raised side
         plan.abduct[side] += np.where(outer, -0.2 * np.abs(tilt), 0.7 * np.abs(tilt))
+        plan.abduct[side] += 0.35 * duck * np.maximum(bend, 0.0)  # beside the knees, not on them
         plan.foot_yaw[side] += SIGN[side] * np.radians(8.0) * duck
     plan.knee_out = 0.05 + 0.12 * float(np.mean(duck))
