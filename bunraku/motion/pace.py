@@ -11,6 +11,7 @@ class Pace:
     most: float = 4.0  # m/s
     brake: float = 1.7  # m/s², toward a path's end
     start: float = 1.7  # m/s², from a stand; more when it runs
+    slow: float = 5.0  # m/s² at most, where less speed is asked for; people stop from a run by 4 to 6
     hurry: float = 0.14  # s, half-life of a change of speed
     bearing: float = 0.20  # s, half-life of finding back to a path
     posture: float = 0.12  # s, half-life of a change of posture

@@ -301,11 +301,15 @@ class Player:
         wanted = min(wanted, float(self._limits[1][path.point(self.s + 0.15 * self.speed)]))
         change = (1.0 - exp(-LN2 * dt / pace.hurry)) * (wanted - self.speed)
         # The first steps begin under the body: a figure that starts faster would leave its feet behind.
-        self.speed += min(change, pace.start * (1.0 + 0.6 * max(self.speed - 1.0, 0.0)) * dt)
+        start = pace.start * (1.0 + 0.6 * max(self.speed - 1.0, 0.0))
+        change = max(min(change, start * dt), -pace.slow * self.scale * dt)
         # Toward the end: by the usual brake, harder only as far as the room that is left asks for.
-        if self.speed > sqrt(2.0 * pace.brake * self.scale * room):
-            needed = self.speed**2 / (2.0 * max(room, 1e-3))
-            self.speed = max(self.speed - max(needed, pace.brake * self.scale) * dt, 0.04)
+        most = sqrt(2.0 * pace.brake * self.scale * room)
+        if self.speed > most:
+            needed = max(self.speed**2 / (2.0 * max(room, 1e-3)), pace.brake * self.scale)
+            self.speed = max(self.speed + min(change, -needed * dt), 0.04)
+        else:
+            self.speed = min(self.speed + change, max(most, self.speed - pace.brake * self.scale * dt, 0.04))
         rate = 1.0
         if self.gait:
             rate = max(self.speed / natural, 0.35)

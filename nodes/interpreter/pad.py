@@ -4,6 +4,7 @@ Left stick: direction and speed of walking, seen from the camera. Right stick: l
 step button pressed, direction and distance of a jump or a step. The longer the duck button is held, the lower.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, sin
 from typing import Any
@@ -28,12 +29,19 @@ class PadRules:
     turning: float = 3.0  # rad/s of a walk's direction
     ahead: float = 0.8  # s of path laid out before the figure
     lead: float = 0.10  # s of path that is not changed any more
+    brake: float = 5.0  # m/s² when the stick is let go; people stop from a run by 4 to 6
+    stop: float = 0.35  # m that a figure goes on at least then
+    notice: float = 0.15  # s over which its speed is seen
     spacing: float = 0.05  # m
     longest_step: float = 0.60  # m at the full tilt: one step in every direction
     longest_jump: float = 1.2  # m
     jump_high: float = 0.35  # m
     lean: float = 0.70  # rad at the full tilt
     duck_time: float = 0.8  # s of pressing for the full duck
+
+    def coast(self, speed: float) -> float:
+        """How far (m) a figure of this speed (m/s) goes on when the stick is let go."""
+        return max(self.stop, speed * speed / (2.0 * self.brake))
 
 
 @dataclass
@@ -69,6 +77,7 @@ class PadCore:
         self._way: Way | None = None
         self._duck = 0.0
         self._time: float | None = None
+        self._track: deque[tuple[float, float, float]] = deque()  # s; x, z m of the figure
         self._said: tuple[float, float, float] | None = None
         self._stand_id = 0
         self._queue: list[CommandBase] = []
@@ -110,6 +119,9 @@ class PadCore:
         rules = self.rules
         dt = 0.0 if self._time is None else min(max(scene.now - self._time, 0.0), 0.1)
         self._time = scene.now
+        self._track.append((scene.now, *self._figure(scene)))
+        while self._track[0][0] < scene.now - rules.notice and len(self._track) > 2:
+            self._track.popleft()
         change = dt / rules.duck_time
         self._duck = min(self._duck + change, 1.0) if self._button(rules.duck) else max(self._duck - 2.0 * change, 0.0)
         right, up = stick(self._axes, rules.walk, rules.dead)
@@ -181,8 +193,8 @@ class PadCore:
             return
         self._said = None
         self._locate(laid, scene)
-        speed = self.rules.slowest
-        end = laid.place + 0.35
+        speed = max(self._speed(), self.rules.slowest)
+        end = laid.place + self.rules.coast(speed)
         laid.points = [one for one in laid.points if one[2] <= end] or laid.points[:1]
         self._queue.append(self._locomotion(laid, speed, scene, complete=True))
 
@@ -218,6 +230,13 @@ class PadCore:
             return None
         self._said = now
         return Stand(id=self._stand_id, tilt=now[0], bend=now[1], duck=now[2])
+
+    def _speed(self) -> float:
+        """m/s of the figure over the ground."""
+        if len(self._track) < 2:
+            return 0.0
+        (t0, x0, z0), (t1, x1, z1) = self._track[0], self._track[-1]
+        return hypot(x1 - x0, z1 - z0) / max(t1 - t0, 1e-3)
 
     def _figure(self, scene: Scene) -> Point:
         hips = scene.positions[scene.joint("hips")]

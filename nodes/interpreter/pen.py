@@ -178,11 +178,11 @@ class PenCore:
             elif self.walk is None and stroke.reach >= rules.least_step:
                 x, z = stroke.points[-1].place
                 self._queue.append(Step(id=self._next_id(scene), goal=(x, 0.0, z)))
-                self.walked = None
+                self.walked, self._resumes = None, False
             elif self.walk is None and stroke.points and not self._resumes:
                 self.track.end = stroke.points[0].place  # a twitch moves nothing
         elif event.kind == "landing":
-            self.walked = None
+            self.walked, self._resumes = None, False
             if self.walk is not None:
                 self.walk.complete = True
                 self._queue.append(self._locomotion(self.walk, scene))
@@ -197,8 +197,7 @@ class PenCore:
     def _resume(self, scene: Scene) -> None:
         """A stroke that follows a reset goes on with the path before it, however short it is."""
         rules, stroke = self.rules, self.track.stroke
-        assert self.walked is not None
-        if self.walk is None:  # the figure has arrived: whoever goes on, goes on ahead
+        if self.walk is None and self.walked is not None:  # the figure has arrived: whoever goes on, goes on ahead
             heading = self.walked.heading
             if stroke.reach < rules.least_step or heading is None:
                 return
@@ -207,7 +206,8 @@ class PenCore:
                 return
             self.walk = replace(self.walked, id=self._next_id(scene))
         self._resumes = False
-        self._lengthens(self.walk)
+        if self.walk is not None:
+            self._lengthens(self.walk)
 
     @staticmethod
     def _lengthens(walk: Walk) -> None:

@@ -1,6 +1,6 @@
 """A user with a gamepad: steers with the left stick, jumps by the right one and a button, ducks by another."""
 
-from math import atan2, cos, hypot, radians, sin
+from math import atan2, cos, degrees, hypot, pi, radians, remainder, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,11 @@ from .sight import Sight
 Array = NDArray[np.float64]
 RULES = PadRules()
 FLICK = 0.10  # s from rest to the full tilt
-COAST = 0.35  # m that a figure goes on when the stick is let go, as users have learnt
+
+
+def coast(speed: float) -> float:
+    """m that a figure of a speed (m/s) goes on when the stick is let go, as users have learnt."""
+    return max(RULES.stop + 0.07 * speed, 0.93 * RULES.coast(speed))
 
 
 class PadPlayer(Player):
@@ -56,24 +60,25 @@ class PadPlayer(Player):
             return np.zeros(2)
         return np.asarray(way / length * (RULES.dead + (1.0 - RULES.dead) * min(share, 1.0)))
 
-    def situation(self) -> tuple[Sight, Route, Array, float, float]:
-        """Sight, way, where the figure is by now, its arc length and its speed."""
+    def situation(self) -> tuple[Sight, Route, Array, float, Array]:
+        """Sight, way, where the figure is by now, its arc length and its velocity."""
         delay = self.person.delay
         sight = self.seen(delay) or self.sights[0]
         route = self.route(sight)
         velocity = self.velocity(delay)
         here = sight.figure + velocity * delay
         self.arc = route.nearest(here, self.arc)
-        return sight, route, here, self.arc, hypot(*velocity)
+        return sight, route, here, self.arc, velocity
 
     def play(self) -> Acting:
         yield from self.pause(0.75 + self.person.reaction)
         wander = Wander(self.rng, radians(self.person.thumb), self.person.wander)
         while not self.sights[-1].there:
-            sight, route, here, arc, speed = self.situation()
+            sight, route, here, arc, velocity = self.situation()
+            speed = hypot(*velocity)
             acts = self.acts(sight, route, arc)
             act = acts[0] if acts else None
-            if act is not None and arc >= act.hold - COAST - FLICK * speed:
+            if act is not None and arc >= act.hold - coast(speed):
                 yield from self.do(act)
                 continue
             if self.ducks(sight, route, arc, 0.6 + 0.9 * max(speed, 0.6), 0.5):
@@ -82,7 +87,9 @@ class PadPlayer(Player):
                 self.buttons.discard(RULES.duck)
             way = route.at(arc + 0.45 + 0.30 * speed) - here
             angle = atan2(way[1], way[0]) + wander.step(1.0 / HZ)
-            full = route.turn(arc, max(1.2, speed)) < self.person.bend or arc < self.dash
+            aside = degrees(abs(remainder(angle - atan2(velocity[1], velocity[0]), 2.0 * pi))) if speed > 0.6 else 0.0
+            straight = max(route.turn(arc, max(1.2, speed)), aside) < self.person.bend
+            full = straight or arc < self.dash
             near = act is not None and act.hold - arc < 0.5 + 0.3 * speed and arc >= self.dash
             share = 1.0 if full and not near and RULES.duck not in self.buttons else self.person.slow
             self.wanted = self.tilted(np.array([cos(angle), sin(angle)]), share)
@@ -160,7 +167,8 @@ class PadPlayer(Player):
         begun, ago = self.time, self.person.delay
         waited = False
         while self.time - begun < PATIENCE:
-            _, route, _, arc, speed = self.situation()
+            _, route, _, arc, velocity = self.situation()
+            speed = hypot(*velocity)
             left = act.low - arc
             if not waited and speed > 0.5:
                 begin, end = (left - BODY) / speed, (left + BODY) / speed

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.msgs import Pen
+from bunraku.nodes.interpreter.pen_rules import PenRules
 from bunraku.runtime.node import Publisher, param
 
 from .person import Wander
@@ -22,6 +23,9 @@ QUICK = 0.6  # m/s² of a hand that draws
 LEAD = 2.2  # m that a pen is ahead of the figure at most
 WIDTH = 0.015  # m, how exactly a pen aims at a landing
 LOW = 1.1  # m/s under a beam
+SLOWS = 1.0  # m before a path's end where a figure slows down, as users have learnt
+BEGUN = PenRules().longest_step
+"""m of a stroke after which a standing figure sets off, as users have learnt."""
 
 
 class PenPlayer(Player):
@@ -187,7 +191,8 @@ class PenPlayer(Player):
     def make_room(self, over: float) -> Acting:
         """Set the pen down elsewhere where the tablet has not room for so many m of the way."""
         _, route, _, arc = self.situation()
-        if not self._room(route.at(arc + over) - route.at(arc)):
+        here = route.at(arc)
+        if not all(self._room(route.at(arc + share * over) - here) for share in (0.25, 0.5, 0.75, 1.0)):
             yield from self.carry(route.way(arc, 1.0))
 
     def still(self, most: float = 4.0) -> Acting:
@@ -239,7 +244,7 @@ class PenPlayer(Player):
         """Go on when the pillar will be beside the way; wait with a resting pen until then."""
         assert act.thing is not None
         begun, ago = self.time, self.person.delay
-        yield from self.make_room(act.high + BODY + 0.3 - act.hold)
+        yield from self.make_room(act.high + BODY + SLOWS - act.hold)
         waited = False
         while self.time - begun < PATIENCE:
             sight, route, _, arc = self.situation()
@@ -253,7 +258,7 @@ class PenPlayer(Player):
                     yield from self.still()
                     waited = True
                     continue
-                lag = self.person.reaction + 0.75 / (self.scale * self.person.hurry) + 0.15
+                lag = self.person.reaction + BEGUN / (self.scale * self.person.hurry) + 0.15
                 begin, end = self.setting_off(left - BODY, lag), self.setting_off(left + BODY, lag)
             if self.clear(act, route, begin, end, ago):
                 break

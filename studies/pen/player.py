@@ -45,6 +45,16 @@ class Act:
     high: float = 0.0
 
 
+def moved(new: Array, old: Array) -> Array:
+    """By how much (2) m the picture moved from one glance at the tiles (T, 4, 2) to another.
+
+    Tiles behind the eye (nan) tell nothing.
+    """
+    way = (new - old).reshape(-1, 2)
+    way = way[np.isfinite(way).all(axis=1)]
+    return np.median(way, axis=0) if len(way) else np.zeros(2)
+
+
 class Player(Node):
     """A simulated user: hears only what makes up the picture, and says only its device's samples."""
 
@@ -161,7 +171,7 @@ class Player(Node):
         new, old = self.seen(ago), self.seen(ago + span)
         if new is None or old is None or new is old:
             return None
-        return new, old, np.median((new.tiles - old.tiles).reshape(-1, 2), axis=0), new.time - old.time
+        return new, old, moved(new.tiles, old.tiles), new.time - old.time
 
     def velocity(self, ago: float) -> Array:
         """m/s of the figure (2) as seen."""
@@ -176,9 +186,13 @@ class Player(Node):
     def route(self, sight: Sight) -> Route:
         """The way as far as it was seen so far; it is taken in once and then moves with the picture."""
         if self.taken_in is None or self.taken_in[0] != self.known:
-            self.taken_in = (self.known, sight.tiles[0, 0], route_of(sight.tiles[: max(self.known, 2)]))
-        _, corner, way = self.taken_in
-        return replace(way, places=way.places + (sight.tiles[0, 0] - corner))
+            tiles = sight.tiles
+            if self.taken_in is not None:  # what lies behind the eye is remembered
+                known = self.taken_in[1] + moved(tiles, self.taken_in[1])
+                tiles = np.where(np.isfinite(tiles), tiles, known)
+            self.taken_in = (self.known, tiles, route_of(tiles[: max(self.known, 2)]))
+        _, tiles, way = self.taken_in
+        return replace(way, places=way.places + moved(sight.tiles, tiles))
 
     def crossing(self, sight: Sight, route: Route, number: int) -> tuple[float, float]:
         """Between which arc lengths (m) a thing may be on the way: tracks do not move, so one look will do."""

@@ -181,3 +181,27 @@ def test_the_duck_button_ducks_the_longer_the_lower() -> None:
     play.hold(1.5)
     assert low < some - 0.03 < tall - 0.03
     assert play.hips()[-1, 1] == pytest.approx(tall, abs=0.03)
+
+
+@pytest.mark.parametrize("tilt", [0.3, 0.7, 1.0])
+@pytest.mark.parametrize("frames", [1, 6])
+def test_a_stick_that_is_let_go_stops_the_figure_as_people_stop(tilt: float, frames: int) -> None:
+    stage = MemoryStage()
+    stage.add(Interpreter, azimuth=pi - 1e-9, elevation=0.5, distance=6.5)
+    blender = stage.add(Blender, skeleton=True, remap={"motion": "pose"}, show_overlay=False)
+
+    def push(share: float) -> None:
+        stage.publish("pad", Pad(device="p", axes=[0.0, -tilt * share, 0.0, 0.0], buttons=[False] * 8))
+        stage.advance(1 / 60)
+
+    for _ in range(200):
+        push(1.0)
+    player = blender.core.player
+    fast, begin, speeds = player.speed, player.place.z, []
+    for k in range(150):
+        push(max(0.0, 1.0 - (k + 1) / frames))
+        speeds.append(player.speed)
+    slowing = -np.diff(speeds) * 60.0
+    assert player.free
+    assert np.convolve(slowing, np.full(4, 0.25), "valid").max() < 6.5
+    assert 0.25 < player.place.z - begin < 0.5 + fast**2 / (2.0 * 4.5)

@@ -209,6 +209,24 @@ def test_a_short_stroke_back_after_a_walk_is_a_step_and_so_is_one_that_comes_lat
         assert tablet.kinds()[-1] == "Step"
 
 
+def test_a_jump_between_a_reset_and_a_stroke_ends_the_path_that_was_drawn_before() -> None:
+    tablet = Tablet()
+    tablet.place = (0.0, -1.0)
+    tablet.line((0.0, 2.0), 1.5)
+    tablet.lift()
+    tablet.wait(0.4)
+    tablet.send((0.0, -1.0))  # a reset, and a jump from there
+    tablet.wait(0.1)
+    tablet.lift()
+    tablet.wait(0.2)
+    tablet.send((0.0, -0.5))
+    tablet.wait(0.1)
+    tablet.line((0.3, 0.3), 0.3)
+    tablet.lift()
+    tablet.wait(0.5)
+    assert tablet.kinds()[-2:] == ["Jump", "Step"]
+
+
 @pytest.mark.parametrize("gap", [0.03, 0.06, 0.15, 0.3, 0.5, 0.65, 0.69])
 @pytest.mark.parametrize("azimuth", range(0, 360, 45))
 def test_lift_and_land_near_is_a_jump_there(azimuth: int, gap: float) -> None:
