@@ -9,6 +9,8 @@ def launch(
     source: Literal["web", "script"] = "web",
     touch: str = "",
     pen: str = "",
+    motions: str = "",
+    figure: str = "default",
     lan: bool = False,
     tls: bool = False,
     window: Literal["auto", "on", "off"] = "auto",
@@ -18,8 +20,9 @@ def launch(
     """Walk the figure with a pen while a finger waves its arm.
 
     source:=web prints the page's link, lan:=true one with a token for the network's tablets, tls:=true over https;
-    source:=script plays touch:= (.touch) and pen:= (.pen) at once and ends with
-    the touches; record:= and film:= name the bag and the mp4 to write.
+    source:=script plays touch:= (.touch) and pen:= (.pen) at once and ends with the touches; motions:= is another
+    motion set, figure:= another body (a .bvh, .amc or motion set file); record:= and film:= name the bag and the mp4
+    to write.
     """
     live = source == "web"
     if not live and not (touch and pen):
@@ -28,8 +31,8 @@ def launch(
         node("input_touch", params={"drivers": [source], "script": touch}, respawn=live, required=not live),
         node("input_pen", params={"drivers": [source], "script": pen}, respawn=live),
         node("interpreter", respawn=True),
-        node("blender", respawn=True),
-        node("controller", respawn=True),
+        node("blender", params={"motions": motions, "figure": figure}, respawn=True),
+        node("controller", params={"figure": figure}, respawn=True),
     ]
     if live:
         specs.append(node("web", params={"lan": lan, "tls": tls}, respawn=True))

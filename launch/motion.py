@@ -7,6 +7,7 @@ from bunraku.runtime.launch import NodeSpec, node
 
 def launch(
     motions: str = "",
+    figure: str = "default",
     ground: str = "",
     speed: float = 0.0,
     turn: float = 0.0,
@@ -24,12 +25,14 @@ def launch(
 
     speed:= (m/s), turn:= (rad/s), tilt:=, bend:= (rad) and duck:= (0..1) drive the figure and can be changed while it
     runs (bunraku param set blender drive_speed 2.5); anything else is commanded: bunraku topic pub command.
-    transition:= is how it passes from motion to motion; motions:= is another motion set, ground:= uneven ground;
+    transition:= is how it passes from motion to motion; motions:= is another motion set, figure:= another
+    body for the built-in one (a .bvh, .amc or motion set file), ground:= uneven ground;
     page:=true serves the page; record:= and film:= name the bag and the mp4 to write.
     """
     blender: dict[str, object] = {
         "skeleton": True,
         "motions": motions,
+        "figure": figure,
         "ground": ground,
         "drive_speed": speed,
         "drive_turn": turn,

@@ -18,6 +18,8 @@ def launch(
     scale: float = 16.0,
     obstacles: str = "",
     ground: str = "",
+    motions: str = "",
+    figure: str = "default",
     page: bool = False,
     lan: bool = False,
     tls: bool = False,
@@ -33,7 +35,7 @@ def launch(
     script); script:= is a performance (.pen, .pad); scale:= is how many metres of the ground a
     metre of a tablet is; early:=true begins to walk before a stroke is a step long; natural:=true walks as people do
     instead of exactly as the hand drew; obstacles:= is a file of what is walked round (.toml); ground:= is a file of
-    uneven ground; page:=true serves the page beside another source, lan:=true to the network's tablets by a link with
+    uneven ground, motions:= another motion set, figure:= another body (a .bvh, .amc or motion set file); page:=true serves the page beside another source, lan:=true to the network's tablets by a link with
     a token, tls:=true over https; record:=, film:= and sheet:= name the bag, the
     mp4 and the sheet of pictures to write.
     """
@@ -45,7 +47,7 @@ def launch(
         pen["script"] = script
     if path:
         pen[source if source in ("hid", "evdev") else "evdev"] = path
-    blender: dict[str, object] = {"skeleton": True, "ground": ground}
+    blender: dict[str, object] = {"skeleton": True, "ground": ground, "motions": motions, "figure": figure}
     # From above, so that the ground is wide; pen up is away from the viewer.
     view = {
         "azimuth": 0.0,

@@ -9,6 +9,7 @@ def launch(
     source: Literal["web", "tuio", "evdev", "script"] = "web",
     script: str = "",
     port: int = 3333,
+    figure: str = "default",
     page: bool = False,
     lan: bool = False,
     tls: bool = False,
@@ -20,7 +21,8 @@ def launch(
     """Touch and drag the figure: on the page, a TUIO table, a touch screen, or by a written performance.
 
     source:=web prints the page's link; lan:=true lets the network's tablets in by a link with a token, tls:=true over
-    https; port:= is TUIO's; script:= is a performance (.touch); page:=true serves the page beside another source;
+    https; port:= is TUIO's; script:= is a performance (.touch); figure:= is another body: a .bvh, .amc or motion set file;
+    page:=true serves the page beside another source;
     record:=, film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
     """
     drivers = [source, "web"] if page and source != "web" else [source]
@@ -30,7 +32,7 @@ def launch(
     specs = [
         node("input_touch", params=touch, respawn=source != "script", required=source == "script"),
         node("interpreter", respawn=True),
-        node("controller", respawn=True),
+        node("controller", params={"figure": figure}, respawn=True),
     ]
     if "web" in drivers:
         specs.append(node("web", params={"lan": lan, "tls": tls}, respawn=True))

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from bunraku.figure.default import default_figure
 from bunraku.figure.wire import to_message
+from bunraku.motion.figures import DEFAULT, figure_named
 from bunraku.motion.ground import GroundHeight, Heightfield
 from bunraku.motion.motionset import MotionSet
 from bunraku.motion.player import PACE, Pace, Transition
@@ -15,7 +15,7 @@ from bunraku.motion.rotation import heading as heading_of
 from bunraku.motion.synth import builtin_set
 from bunraku.msgs import Command, Contacts, Motion, Overlay, Pose, SkeletonMessage
 from bunraku.nodes.blender.core import BlenderCore
-from bunraku.runtime.node import Node, Publisher, param, request, subscribe, timer
+from bunraku.runtime.node import Node, ParamProblem, Publisher, param, request, subscribe, timer
 
 DRIVE_EVERY = 100_000_000
 """ns between two looks at the drive parameters."""
@@ -47,7 +47,7 @@ class Blender(Node):
     motion: Publisher[Motion] = Publisher("motion", Motion)
     overlay: Publisher[Overlay] = Publisher("overlay/blender", Overlay)
 
-    figure: str = param("default", doc="the figure's name")
+    figure: str = param(DEFAULT, doc="of the built-in motions: default, or the file of one: .bvh, .amc or motion set")
     motions: str = param("", doc="file of a motion set; empty for the built-in one")
     skeleton: bool = param(False, doc="say `skeleton`: where no controller does (`motion` is then remapped to `pose`)")
     ground: str = param("", doc="file of uneven ground: .npz with heights (m), cell (m), x, z; empty for level ground")
@@ -78,7 +78,10 @@ class Blender(Node):
         return (["skeleton"] if params["skeleton"] else []), ()
 
     def setup(self) -> None:
-        motion_set = MotionSet.load(File(self.motions)) if self.motions else self._builtin()
+        try:
+            motion_set = MotionSet.load(File(self.motions)) if self.motions else builtin_set(figure_named(self.figure))
+        except ValueError as error:
+            raise ParamProblem(f"{'motions' if self.motions else 'figure'}: {error}") from None
         self.core = BlenderCore(
             motion_set, pace=self._pace(), transition=self._transition(), lock=self.foot_lock,
             ground=ground_of(self.ground), say=self.log.warning,
@@ -90,11 +93,6 @@ class Blender(Node):
         self.driven_at = 0
         if self.skeleton:
             self.advertise("skeleton", SkeletonMessage).publish(to_message(self.core.skeleton, self.figure))
-
-    def _builtin(self) -> MotionSet:
-        if self.figure != "default":
-            raise ValueError(f"no figure is named {self.figure!r} (has: default); give it a motion set: motions:=FILE")
-        return builtin_set(default_figure())
 
     def _pace(self) -> Pace:
         return Pace(

@@ -3,14 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.default import default_figure
 from bunraku.figure.quat import rotate
-from bunraku.figure.skeleton import Skeleton
 from bunraku.figure.wire import to_message
+from bunraku.motion.figures import DEFAULT, figure_named
 from bunraku.msgs import Command, Contacts, Motion, Overlay, Pose, Primitive, SkeletonMessage, Step, Target
 from bunraku.nodes.controller.core import HINGES, PARTS, Stack
 from bunraku.nodes.controller.state import Gains
-from bunraku.runtime.node import Node, Publisher, param, request, subscribe, timer
+from bunraku.runtime.node import Node, ParamProblem, Publisher, param, request, subscribe, timer
 
 PAUSE = 500_000_000
 """ns that a controller which was laid over a motion waits for it after it was started again."""
@@ -25,13 +24,6 @@ FOOTPRINT_COLOR = (0.20, 0.35, 0.55, 0.6)
 _GAINS = Gains()
 
 
-def figure_named(name: str) -> Skeleton:
-    """The skeleton of a figure; raises ValueError for a name that no figure has."""
-    if name != "default":
-        raise ValueError(f"no figure is named {name!r} (has: default)")
-    return default_figure()
-
-
 class Controller(Node):
     """Moves the whole figure from a few held parts: reach, balance, relaxing, self-collision, steps."""
 
@@ -42,7 +34,7 @@ class Controller(Node):
     skeleton: Publisher[SkeletonMessage] = Publisher("skeleton", SkeletonMessage)
     overlay: Publisher[Overlay] = Publisher("overlay/controller", Overlay)
 
-    figure: str = param("default", doc="the figure's name")
+    figure: str = param(DEFAULT, doc="default, or the file of one: .bvh, .amc or motion set")
     x: float = param(0.0, low=-1000.0, high=1000.0, doc="m, where it stands at the start")
     z: float = param(0.0, low=-1000.0, high=1000.0, doc="m, where it stands at the start")
     yaw: float = param(0.0, low=-7.0, high=7.0, doc="rad about +Y from +Z, where it faces at the start")
@@ -61,6 +53,10 @@ class Controller(Node):
     relax_reach: float = param(
         _GAINS.relax_reach, low=0.0, high=10.0, doc="m/s at which the pelvis comes back from a reach"
     )
+    relax_time: float = param(_GAINS.relax_time, low=0.01, high=5.0, doc="s, time constant of relaxing's last bit")
+    ease_time: float = param(
+        _GAINS.ease_time, low=0.005, high=2.0, doc="s, time constant in which a relaxing part takes up its speed"
+    )
     landing_half_life: float = param(
         _GAINS.landing_half_life, low=0.02, high=2.0, doc="s in which a free foot comes down to the floor"
     )
@@ -76,6 +72,10 @@ class Controller(Node):
     margin: float = param(
         _GAINS.margin, low=0.0, high=0.1, doc="m that the centre of mass keeps inside the support polygon"
     )
+    support_time: float = param(
+        _GAINS.support_time, low=0.005, high=2.0, doc="s, half-life in which a lifted foot stops counting as support"
+    )
+    clearance: float = param(_GAINS.clearance, low=0.0, high=0.1, doc="m kept between parts of the body")
     duck: float = param(_GAINS.duck, low=0.35, high=0.95, doc="lowest crouch, as a share of the leg's length")
     step_lift: float = param(_GAINS.step_lift, low=0.0, high=0.5, doc="m by which a stepping foot is lifted")
     step_time: float = param(_GAINS.step_time, low=0.05, high=2.0, doc="s that each phase of a step takes at least")
@@ -86,7 +86,11 @@ class Controller(Node):
     show_overlay: bool = param(True, doc="say support polygon, centre of mass and footprints for the picture")
 
     def setup(self) -> None:
-        self.core = Stack(figure_named(self.figure), self.gains(), np.array([self.x, 0.0, self.z]), self.yaw)
+        place = np.array([self.x, 0.0, self.z])
+        try:
+            self.core = Stack(figure_named(self.figure), self.gains(), place, self.yaw)
+        except ValueError as error:
+            raise ParamProblem(f"figure: {error}") from None
         self.stepped_at = self.now
         self.wait_until = 0
         self.last_step = -1

@@ -16,6 +16,7 @@ from bunraku.nodes.interpreter.obstacles import Heard, Obstacle, ObstacleError, 
 from bunraku.nodes.interpreter.pad import PadCore
 from bunraku.nodes.interpreter.pen import FLOOR, PenCore
 from bunraku.nodes.interpreter.pen_rules import PenRules
+from bunraku.nodes.interpreter.rules import RULES, TouchRules
 from bunraku.nodes.interpreter.touch import TouchCore
 from bunraku.nodes.interpreter.viewer import Viewer, ViewRules
 from bunraku.runtime.node import Node, ParamProblem, Publisher, param, request, subscribe, timer
@@ -51,6 +52,7 @@ class Plays:
 
 
 TOUCH_PLAYS = ("figure", "camera")
+TOUCH_PARAMS = ("speed_threshold", "speed_gain", "step_least", "step_most")
 PEN_PLAYS = ("tablet", "picture")
 
 
@@ -79,13 +81,24 @@ class Interpreter(Node):
     azimuth: float = param(Orbit.azimuth, low=-3.1416, high=3.1416, doc="rad about the figure at first")
     elevation: float = param(Orbit.elevation, low=-0.15, high=1.45, doc="rad above the horizon, of the camera at first")
     follow: bool = param(True, doc="the camera follows a figure that walks off")
+    speed_threshold: float = param(
+        RULES.speed_threshold,
+        low=0.1,
+        high=20.0,
+        doc="m/s of a drag, above it is a punch or a kick (eq. 10, v_th)",
+    )
+    speed_gain: float = param(
+        RULES.speed_gain, low=0.0, high=2.0, doc="s: m that a punch goes forward for each m/s above that (eq. 10, v_s)"
+    )
+    step_least: float = param(RULES.step_least, low=0.1, high=1.0, doc="m, the shortest step of a dragged pelvis (5.3)")
+    step_most: float = param(RULES.step_most, low=0.3, high=1.2, doc="m, the longest (5.3)")
     forget: float = param(30.0, low=0.5, high=3600.0, doc="s of silence after which a device's fingers are let go")
 
     def setup(self) -> None:
         home = Orbit(azimuth=self.azimuth, elevation=self.elevation, distance=self.distance, aspect=self.aspect)
         self.viewer = Viewer(home, ViewRules())
         self.cores: dict[str, Core] = {
-            "figure": TouchCore(self.viewer, forget=self.forget),
+            "figure": TouchCore(self.viewer, rules=self._touch_rules(), forget=self.forget),
             "camera": TouchCore(self.viewer, figure=False, forget=self.forget),
         }
         rules = PenRules(scale=self.pen_scale)
@@ -111,6 +124,9 @@ class Interpreter(Node):
         if news is not None:
             self.camera.publish(news)
 
+    def _touch_rules(self) -> TouchRules:
+        return replace(RULES, **{name: self.param_values[name] for name in TOUCH_PARAMS})
+
     def on_param(self, name: str) -> None:
         if name == "touch_plays":
             self.plays = Plays.parse(self.touch_plays, TOUCH_PLAYS, name)
@@ -122,6 +138,10 @@ class Interpreter(Node):
             for core in self.cores.values():
                 if isinstance(core, TouchCore):
                     core.forget = self.forget
+        elif name in TOUCH_PARAMS:
+            for core in self.cores.values():
+                if isinstance(core, TouchCore):
+                    core.rules = self._touch_rules()  # the next touches go by them
         elif name in ("pen_scale", "pen_early", "pen_natural"):
             for pen in self.pens.values():
                 pen.rules = pen.track.rules = replace(pen.rules, scale=self.pen_scale)

@@ -17,6 +17,8 @@ from bunraku.runtime.names import file_of, resolve
 
 KEPT_FROM_PAGES = ("web", "recorder", "bridge")
 """Nodes whose parameters name files, addresses and keys: a page sees them and cannot change them."""
+WAYS = {"touch": "input_touch", "pen": "input_pen", "hands": "input_hand"}
+"""Way of playing -> the node that hears it."""
 EXPORTS_AT_ONCE = 2
 
 
@@ -63,6 +65,12 @@ class Calls:
         if one is None or node.rpartition("/")[2] in KEPT_FROM_PAGES:
             return False
         return one.choices is not None or isinstance(one.value, (bool, int, float))
+
+    def ways(self) -> list[str]:
+        """The ways of playing that a device node of this stage hears from pages."""
+        drivers = {node.rpartition("/")[2]: params.params.get("drivers") for node, params in self.params.items()}
+        heard = {node for node, one in drivers.items() if one and isinstance(one.value, list) and "web" in one.value}
+        return [way for way, node in WAYS.items() if node in heard]
 
     async def nodes(self) -> dict[str, Any]:
         """The nodes that run now, each with its parameters."""

@@ -119,7 +119,7 @@ class Web(Node):
     def on_params(self, msg: Params, topic: str) -> None:
         """Parameters of any node."""
         self.calls.params[msg.node] = msg
-        self.server.tell("params", encode_text("params", seq=self.steps))
+        self.server.tell("heard", encode_text("heard", ways=self.calls.ways()))
 
     @classmethod
     def further(cls, params: dict[str, Any]) -> tuple[Sequence[str], Sequence[str]]:

@@ -121,6 +121,26 @@ def test_a_punch_leaves_no_faster_than_a_fist_and_stays_out_for_a_moment() -> No
     assert not grab.speed.moving  # what is left is eq. 11's: clear of the chest
 
 
+def test_the_gain_of_speed_is_settable_while_it_runs() -> None:
+    """The next touch goes by it: the same quick drag goes forward with the gain and stays with none."""
+    table = Table()
+    table.look_from((0.0, 1.3, 4.0))
+    table.stage.advance(0.05)
+    forward = []
+    for gain in (0.2, 0.0):
+        table.stage.ask(table.node, "param.set", name="speed_gain", value=gain)
+        x, y = table.place("left_hand")
+        table.down(1, (x, y))
+        table.drag(1, (x - 0.06, y + 0.10), 1.5)
+        still = table.target.left_hand[2]
+        table.drag(1, (x - 0.09, y), 0.12)
+        forward.append(table.target.left_hand[2] - still)
+        table.up(1)
+        table.stage.advance(0.5)
+    assert forward[0] > 0.10
+    assert abs(forward[1]) < 0.01
+
+
 def test_from_the_side_speed_adds_nothing() -> None:
     table = Table()
     table.look_from((4.2, 1.2, 0.2))

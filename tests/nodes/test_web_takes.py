@@ -49,6 +49,15 @@ def test_a_page_changes_numbers_and_choices_but_no_paths_and_no_keys(tmp_path: P
         asyncio.run(calls("p", Call(id=1, verb="take.file", args={"path": "/etc/passwd"})))
 
 
+def test_the_ways_that_this_stage_hears_are_those_of_its_device_nodes(tmp_path: Path) -> None:
+    calls = Calls(tmp_path, Takes(tmp_path))
+    assert calls.ways() == []
+    calls.params["alice/input_pen"] = Params(node="alice/input_pen", params={"drivers": one(["web", "hid"])})
+    calls.params["input_touch"] = Params(node="input_touch", params={"drivers": one(["tuio"])})
+    calls.params["input_hand"] = Params(node="input_hand", params={"drivers": one(["web"])})
+    assert calls.ways() == ["pen", "hands"]
+
+
 @pytest.mark.parametrize("name", ["../secret", "take-1", "/etc/passwd", 7, None, "take-20260101-120000"])
 def test_only_takes_are_found(tmp_path: Path, name: Any) -> None:
     (tmp_path / "secret.mcap").write_bytes(b"")

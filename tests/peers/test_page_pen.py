@@ -167,6 +167,15 @@ def test_a_pen_that_is_taken_away_in_mid_stroke_leaves_nothing_held(person: Pers
         pens.close()
 
 
+def test_a_way_that_no_node_hears_says_so(person: Person) -> None:
+    idle = "[...document.querySelectorAll('#ways .idle')].map(one => one.value).join()"
+    person.until(f"{idle} === 'touch,hands'")
+    person.page.locator("label", has_text="Pen").first.click()
+    assert "path" in person.page.locator("#hint").inner_text()
+    person.page.locator("label", has_text="Touch").first.click()
+    assert person.page.locator("#hint").inner_text() == "No node of this stage hears touch."
+
+
 def test_a_mouse_is_a_pen(person: Person, scene: Scene) -> None:
     start, feet = scene.root(), scene.pixel(person)
     goal = (feet[0] - 150, feet[1])

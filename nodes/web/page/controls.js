@@ -22,20 +22,34 @@ const HINTS = {
   hands: {fine: "Drag moves the right hand. Double click in the plane performs.", coarse: "Sliders bend the fingers. Two taps in the plane perform."},
 };
 
-/** Ways of playing. @returns {{way(): string, choose(way: string): void}} @param {(way: string) => void} changed */
+/**
+ * Ways of playing; `hear` says which of them the stage's nodes hear.
+ * @returns {{way(): string, choose(way: string): void, hear(heard: string[]): void}} @param {(way: string) => void} changed
+ */
 export function ways(changed) {
   const box = byId("ways", HTMLFieldSetElement), hint = byId("hint", HTMLElement);
+  /** @type {string[] | undefined} */
+  let known;
+  const tell = (/** @type {string} */ way) => {
+    const kind = matchMedia("(pointer: coarse)").matches ? "coarse" : "fine";
+    const hints = HINTS[/** @type {keyof typeof HINTS} */ (way)];
+    hint.textContent = known && !known.includes(way) ? `No node of this stage hears ${way}.` : hints?.[kind] ?? "";
+  };
   const choose = (/** @type {string} */ way) => {
     document.body.dataset.way = way;
-    const kind = matchMedia("(pointer: coarse)").matches ? "coarse" : "fine";
-    hint.textContent = HINTS[/** @type {keyof typeof HINTS} */ (way)]?.[kind] ?? "";
+    tell(way);
     hint.classList.remove("away");
     for (const one of box.querySelectorAll("input")) one.checked = one.value === way;
     sessionStorage.setItem("bunraku.way", way);
     changed(way);
   };
   box.addEventListener("change", (event) => choose(/** @type {HTMLInputElement} */ (event.target).value));
-  return {way: () => document.body.dataset.way ?? "touch", choose};
+  const way = () => document.body.dataset.way ?? "touch";
+  return {way, choose, hear(heard) {
+    known = heard;
+    for (const one of box.querySelectorAll("input")) one.classList.toggle("idle", !heard.includes(one.value));
+    tell(way());
+  }};
 }
 
 /** The hint goes when someone plays. */

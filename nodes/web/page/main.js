@@ -52,6 +52,7 @@ function begin() {
         if (!message.name) attempt(() => timeline.refresh());
       } else if (message.t === "welcome") showFigures(message.figures);
       else if (message.t === "stage") showPart(message);
+      else if (message.t === "heard") way.hear(message.ways);
     },
   });
   const timeline = takes(connection, () => here.figure);
