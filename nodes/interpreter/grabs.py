@@ -5,6 +5,7 @@ from math import atan2, exp, sqrt
 
 import numpy as np
 
+from bunraku.figure.camera import wrap
 from bunraku.figure.quat import between, from_axis_angle, inv_mul, mul, rotate, swing_twist_y
 from bunraku.figure.quat import log as quat_log
 from bunraku.figure.quat import scale as quat_scale
@@ -102,11 +103,11 @@ class TurnGrab:
         self.arm = frame.vector_to_local(hit.point - scene.positions[self.pivot])
         self.grip = GripOffset(scene.turns[joint], scene.positions[joint], hit.point, rules).local
         heading = np.empty(4)
-        from_axis_angle(0.0, 1.0, 0.0, heading_of(scene.turns[0]), heading)
+        from_axis_angle(0.0, 1.0, 0.0, self._heading(scene), heading)
         self.start = np.empty(4)
         inv_mul(heading, scene.turns[joint], self.start)
         if self.upright:
-            # Without its turn about Y: planted legs do not twist, and the heading comes from the pelvis alone.
+            # Without its turn about Y: planted legs do not twist, and the heading comes from the feet alone.
             swing_twist_y(self.start, self.start, np.empty(4))
         self.aim = np.zeros(3)
         self.change = np.array([0.0, 0.0, 0.0, 1.0])
@@ -131,12 +132,19 @@ class TurnGrab:
             if angle > rules.widest_turn:
                 quat_scale(rules.widest_turn / angle, self.change, self.change)
         heading, out = np.empty(4), np.empty(4)
-        from_axis_angle(0.0, 1.0, 0.0, heading_of(scene.turns[0]), heading)
+        from_axis_angle(0.0, 1.0, 0.0, self._heading(scene), heading)
         mul(self.change, self.start, out)
         mul(heading, out, out)
         out /= np.linalg.norm(out)
         self.value = (float(out[0]), float(out[1]), float(out[2]), float(out[3]))
         return self.value
+
+    def _heading(self, scene: Scene) -> float:
+        """The heading that carries it: the pelvis's; of a trunk, that the pelvis turns along with, the feet's."""
+        if not self.upright:
+            return heading_of(scene.turns[0])
+        left, right = (heading_of(scene.turns[int(scene.rig.limbs[2 + side, 2])]) for side in range(2))
+        return left + 0.5 * wrap(right - left)
 
     def _correct(
         self, scene: Scene, frame: HeadingFrame, ray: Ray, wanted: Array, arm: Array, counts: Array, dt: float

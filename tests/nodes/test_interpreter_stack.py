@@ -11,6 +11,7 @@ from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.figure.quat import rotate
 from bunraku.msgs import Pose, Touch
+from bunraku.nodes.blender.node import Blender
 from bunraku.nodes.controller.node import Controller
 from bunraku.nodes.input_touch.node import InputTouch
 from bunraku.nodes.input_touch.performance import load
@@ -94,3 +95,22 @@ def test_the_hand_stays_under_the_finger(name: str) -> None:
         values = np.array([gap for _, gap in gaps])
         assert np.quantile(values, 0.95) < 0.02
         assert values[-1] < 0.001
+
+
+def test_a_bow_over_a_motion_bends_without_a_twist() -> None:
+    """The pelvis turns along with a held trunk: its heading must not lead the trunk round, or nothing ends that."""
+    stage = MemoryStage()
+    stage.add(Interpreter)
+    stage.add(Blender)
+    core = stage.add(Controller).core
+    stage.advance(1.0)
+    stage.add(InputTouch, script=str(EXAMPLES / "bow.touch"))
+    tilts, yaws = [], []
+    for _ in range(38):
+        stage.advance(0.1)
+        turn = core.state.turns[0]
+        tilts.append(np.degrees(2.0 * np.arcsin(np.hypot(turn[0], turn[2]))))
+        yaws.append(abs(np.degrees(2.0 * np.arctan2(turn[1], turn[3]))))
+    assert max(tilts) > 40.0
+    assert max(yaws) < 3.0
+    assert tilts[-1] < 5.0

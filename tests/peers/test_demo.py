@@ -97,10 +97,23 @@ def test_the_figure_ducks_and_jumps_under_the_pen(bag: Bag) -> None:
     assert hips[(times > 32.0) & (times < 36.0)].max() > 1.15
 
 
+def test_it_jumps_with_both_hands_up_and_bows(bag: Bag) -> None:
+    times, poses = heard(bag, "pose", Pose)
+    at = places(poses)
+    names = default_figure().names
+    hands = at[:, [names.index("left_hand"), names.index("right_hand")], 1]
+    jumping = (times > 37.5) & (times < 41.0)
+    top = np.flatnonzero(jumping)[at[jumping, 0, 1].argmax()]
+    assert at[top, 0, 1] > 1.05
+    assert (hands[top] > at[top, names.index("left_upper_arm"), 1]).all()
+    bowing = (times > 41.0) & (times < 44.0)
+    assert at[bowing, names.index("neck"), 1].min() < at[times < 0.5, names.index("neck"), 1].min() - 0.06
+
+
 def test_what_nobody_holds_moves_as_the_motion_does(bag: Bag) -> None:
     when, motions = heard(bag, "motion", Motion)
     times, poses = heard(bag, "pose", Pose)
-    free = np.flatnonzero((times > 26.0) & (times < 37.5))[::5]
+    free = np.flatnonzero((times > 26.0) & (times < 36.0))[::5]
     at = places([poses[k] for k in free])
     newest = np.searchsorted(when, times[free], side="right")
     # The recorder may hear a pose before the motion that made it, or the next motion before the pose.
@@ -129,7 +142,7 @@ def test_every_touch_message_is_whole(bag: Bag) -> None:
 def test_the_film_is_bright_and_moves(show: Path) -> None:
     with av.open(str(show / "bunraku.mp4")) as film:
         frames = [frame.to_ndarray(format="gray").astype(float) for frame in film.decode(video=0)]
-    assert len(frames) == pytest.approx(38 * FPS, abs=8 * FPS)
+    assert len(frames) == pytest.approx(44 * FPS, abs=8 * FPS)
     assert min(frame.mean() for frame in frames) > 100.0
     moved = [float(np.abs(b - a).mean()) for a, b in zip(frames[::FPS], frames[FPS::FPS], strict=False)]
     assert sum(one > 0.3 for one in moved) > 20
@@ -139,5 +152,5 @@ def test_the_motion_file_and_the_sheet_are_there(show: Path) -> None:
     lines = (show / "bunraku.bvh").read_text().splitlines()
     assert lines[0] == "HIERARCHY"
     count = next(int(line.split()[1]) for line in lines if line.startswith("Frames:"))
-    assert count > 38 * 55
+    assert count > 44 * 55
     assert (show / "bunraku.png").stat().st_size > 50_000
