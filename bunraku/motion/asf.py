@@ -184,6 +184,9 @@ def _ordered(bones: dict[str, Bone], parents: dict[str, tuple[str, int]], name: 
         for label in (child, parent):
             if label not in bones:
                 raise CaptureError(f"{name}:{number}: the hierarchy names {label[:30]!r}, :bonedata does not")
+    if "root" in parents:
+        parent, number = parents["root"]
+        raise CaptureError(f"{name}:{number}: the root is put below {parent[:30]!r}")
     children: dict[str, list[str]] = {}
     for label in bones:
         if label in parents:

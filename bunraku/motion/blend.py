@@ -126,8 +126,11 @@ def _signals(example: Example, generic: Array, grid: Array) -> Array:
     for foot in range(2):
         on = example.contacts[inside, foot]
         changes = np.nonzero(on[1:] != on[:-1])[0]
-        marks = 0.5 * (own[changes] + own[changes + 1])
-        sign = np.where(on[np.clip(np.searchsorted(own, grid, side="right") - 1, 0, len(own) - 1)], 1.0, -1.0)
+        # A foot has left the ground after the last frame on it, and comes down on the way to the first one.
+        lifts = on[changes]
+        marks = np.where(lifts, own[changes], 0.5 * (own[changes] + own[changes + 1]))
+        down = on[0] ^ (np.searchsorted(marks, grid + 1e-12) % 2 == 1)
+        sign = np.where(down, 1.0, -1.0)
         if len(marks) == 0:
             out[:, foot] = 0.5 * sign
             continue
@@ -135,7 +138,6 @@ def _signals(example: Example, generic: Array, grid: Array) -> Array:
             if on[0] != on[-1]:
                 marks = np.append(marks, [0.0, 1.0])
             marks = np.concatenate([marks - 1.0, marks, marks + 1.0])
-        # The side of the nearest mark decides the sign exactly where samples are coarse.
         distance = np.abs(grid[:, None] - marks[None]).min(axis=1)
         out[:, foot] = sign * np.minimum(distance, 0.5)
     return out

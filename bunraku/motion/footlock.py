@@ -18,11 +18,21 @@ from numpy.typing import NDArray
 from bunraku.figure.fk import fk_into
 from bunraku.figure.jit import kernel
 from bunraku.figure.limb import flexed_distance, flexion_of, soft_reach
-from bunraku.figure.quat import between, from_axis_angle, log, mul, mul_inv, rotate, slerp
+from bunraku.figure.quat import between, log, mul, mul_inv, rotate, slerp
 from bunraku.figure.quat import exp as quat_exp
 from bunraku.figure.skeleton import Index, Skeleton
 from bunraku.figure.spring import LN2, spring_decay_into
-from bunraku.motion.footprint import Feet, planted, print_under, roll_of, sole_depth, wrap, yaw_pitch
+from bunraku.motion.footprint import (
+    Feet,
+    lay_toes,
+    planted,
+    print_under,
+    roll_of,
+    soft_part,
+    sole_depth,
+    wrap,
+    yaw_pitch,
+)
 from bunraku.motion.ground import sole_of
 from bunraku.motion.leg import move_leg
 
@@ -56,7 +66,7 @@ class LockLimits:
     reach: float = 0.995  # of the leg, locked
     rise: float = 0.15  # s, half-life of the pelvis's way back up
     ground: float = 0.05  # s, half-life of a swinging foot's following of the ground's height
-    sink: float = 0.012  # m: the pelvis begins to sink when a planted leg is this near to its reach
+    sink: float = 0.03  # m: the pelvis begins to sink when a planted leg is this near to its reach
     graze: float = 0.004  # m: feet deeper in the ground than this are lifted to half of it
 
 
@@ -85,6 +95,7 @@ class FeetState(NamedTuple):
 def feet_of(skeleton: Skeleton, limits: LockLimits = LIMITS) -> Feet:
     """Legs and soles of a humanoid skeleton."""
     joints, lengths, soles = np.empty((2, 4), dtype=np.int64), np.empty((2, 2)), np.empty((2, 3))
+    tips = np.empty((2, 2))
     rest = skeleton.rest_positions
     for side, name in enumerate(("left", "right")):
         hip, knee, foot = (skeleton.role(name + part) for part in ("UpperLeg", "LowerLeg", "Foot"))
@@ -92,11 +103,13 @@ def feet_of(skeleton: Skeleton, limits: LockLimits = LIMITS) -> Feet:
         joints[side] = hip, knee, foot, sole.toes
         lengths[side] = np.linalg.norm(rest[knee] - rest[hip]), np.linalg.norm(rest[foot] - rest[knee])
         soles[side] = sole.height, sole.heel, sole.ball
+        down = float(skeleton.offsets[sole.toes, 1]) if sole.toes >= 0 else 0.0
+        tips[side] = sole.height + down, sole.tip - sole.ball
     size = float(lengths.sum(axis=1).mean()) / 0.83
     row = [limits.release, limits.touch, limits.tear * size, limits.settle * size, limits.settle_turn,
            limits.settle_time, limits.settle_lift * size, limits.reach, limits.rise, limits.ground,
            limits.sink * size, limits.graze * size]  # fmt: skip
-    return Feet(joints, lengths, soles, np.array(row))
+    return Feet(joints, lengths, soles, np.array(row), tips)
 
 
 def feet_state() -> FeetState:
@@ -108,16 +121,6 @@ def feet_state() -> FeetState:
         pitch=np.zeros(2), start=still.copy(), straight=np.zeros(2), grip=np.zeros(2), ground=np.zeros((2, 2)),
         drop=np.zeros(3),
     )  # fmt: skip
-
-
-@kernel
-def soft_part(x: float, width: float) -> float:
-    """The positive part of ``x``, rounded off from -width to width: never less than it, with continuous slope."""
-    if x <= -width:
-        return 0.0
-    if x >= width:
-        return x
-    return (x + width) * (x + width) / (4.0 * width)
 
 
 @kernel
@@ -356,7 +359,7 @@ def plant_into(
         for joint in range(parents.shape[0]):
             positions_ws[joint, 1] -= state.drop[0]
     beyond = 0.0
-    angles, flat, toes_ls, ankle, ahead = np.empty(2), np.empty(4), np.empty(4), np.empty(7), np.empty(3)
+    angles, ankle = np.empty(2), np.empty(7)
     for side in range(2):
         upper, lower = feet.lengths[side, 0], feet.lengths[side, 1]
         full = upper + lower
@@ -407,17 +410,8 @@ def plant_into(
         state.grip[side] += (1.0 - exp(-LN2 * dt / 0.04)) * ((1.0 if locked else 0.0) - state.grip[side])
         toes = feet.joints[side, 3]
         if toes >= 0:
-            if state.grip[side] > 1e-3:
-                yaw_pitch(rotations_ws[foot], angles)
-                up = min(max(-(angles[1] - state.prints[side, 4]), 0.0), 1.0)
-                from_axis_angle(1.0, 0.0, 0.0, -up, flat)
-                slerp(rotations_ls[toes], flat, state.grip[side], toes_ls)
-                for k in range(4):
-                    rotations_ls[toes, k] = toes_ls[k]
-            mul(rotations_ws[foot], rotations_ls[toes], rotations_ws[toes])
-            rotate(rotations_ws[foot], offsets[toes], ahead)
-            for k in range(3):
-                positions_ws[toes, k] = positions_ws[foot, k] + ahead[k]
+            lay_toes(feet, side, state.prints[side, 4], state.grip[side], state.ground[side, 0], active, offsets[toes],
+                     positions_ws, rotations_ws, rotations_ls)  # fmt: skip
         contact[side] = 1.0 if locked else 0.0
     state.drop[2] = 1.0
     return beyond

@@ -123,7 +123,7 @@ def _jump_feet(
                 (deep + 0.30 * (off - deep), 0.0),
                 (deep + 0.72 * (off - deep), -0.18 * toe),
                 (off, -0.86 * toe),
-                (off + 0.12 * span, -1.14 * toe),
+                (off + 0.12 * span, -0.96 * toe),
                 (off + 0.60 * span, -0.45 * toe + 0.3 * land),
                 (on, land),
                 (on + 0.07, 0.0),
@@ -171,7 +171,7 @@ def _jump_body(
     dip: float,
 ) -> None:
     """Trunk and arms: folded and swung back in the crouch, thrown up at take-off, out to the front on landing."""
-    effort = min(0.45 + 1.1 * height + 0.35 * abs(ahead), 1.25)
+    effort = min(0.15 + 1.1 * height + 0.45 * abs(ahead), 1.1)
     fold = 26.0 + 60.0 * low
     fold_land = 14.0 + 60.0 * dip
     fly = 6.0 * np.clip(ahead, 0.0, 1.0)
@@ -196,7 +196,7 @@ def _jump_body(
     )
     plan.trunk[:, 2] += np.radians(side)
     plan.pelvis[:, 2] += np.radians(0.4 * side)
-    back, up = -52.0 * effort, min(118.0 * effort, 150.0)
+    back, up = -16.0 - 32.0 * effort, 14.0 + 104.0 * effort
     arms = smooth(
         t,
         [
@@ -206,8 +206,8 @@ def _jump_body(
             (deep + 0.45 * (off - deep), 0.3 * back),
             (off, 0.80 * up),
             (0.5 * (off + apex), up),
-            (on, 0.58 * up),
-            (settle, 32.0),
+            (on, 0.46 * up),
+            (settle, 30.0),
             (end, -2.0),
         ],
     )
@@ -216,14 +216,16 @@ def _jump_body(
         [
             (0.0, 16.0),
             (deep, 24.0),
-            (0.5 * (deep + off), 50.0),
-            (apex, 34.0),
-            (on, 28.0),
-            (settle, 38.0),
+            (0.5 * (deep + off), 54.0),
+            (off, 64.0),
+            (apex, 58.0),
+            (on, 46.0),
+            (settle, 42.0),
             (end, 16.0),
         ],
     )
-    out = smooth(t, [(0.0, 9.0), (deep, 15.0), (off, 12.0), (apex, 17.0), (settle, 22.0), (end, 9.0)])
+    by = deep + 0.6 * (off - deep)  # the hands come by the thighs
+    out = smooth(t, [(0.0, 9.0), (deep, 17.0), (by, 23.0), (off, 14.0), (apex, 17.0), (settle, 22.0), (end, 9.0)])
     lag = 0.012
     for arm in (0, 1):
         shifted = np.interp(t - (lag if arm else 0.0), t, arms)

@@ -202,3 +202,8 @@ def test_a_long_chain_of_bones_does_not_exhaust_the_stack():
     text = f":units\nlength 0.45\nangle deg\n:bonedata\n{bones}:hierarchy\nbegin\n{links}end\n"
     with pytest.raises(CaptureError):
         parse_asf(text, "x.asf")
+
+
+def test_a_root_below_another_bone_is_said():
+    with pytest.raises(CaptureError, match="the root is put below 'spine'"):
+        parse_asf(ASF.replace("spine head", "spine root"), "x.asf")

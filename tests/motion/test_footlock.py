@@ -7,8 +7,8 @@ from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.motion import rotation as rot
 from bunraku.motion.constraint import path_of
-from bunraku.motion.footlock import FREE, LOCKED, feet_of, soft_part
-from bunraku.motion.footprint import planted, print_under, roll_of, sole_depth, yaw_pitch
+from bunraku.motion.footlock import FREE, LOCKED, feet_of
+from bunraku.motion.footprint import planted, print_under, roll_of, soft_part, sole_depth, yaw_pitch
 from bunraku.motion.ground import Heightfield, lowest, roll, rolled, sole_of
 from bunraku.motion.leg import move_leg
 from bunraku.motion.player import Player
@@ -257,3 +257,35 @@ def test_a_walk_of_less_than_two_steps_ends_with_both_feet_beside_each_other(len
     assert slid.max() < 0.06
     assert list(player.state.mode) == [LOCKED, LOCKED]
     assert abs(player.state.ankle[0, 2] - player.state.ankle[1, 2]) < 0.05
+
+
+@pytest.mark.parametrize(("speed", "bend"), [(1.3, 0.0), (2.0, 0.0), (2.3, 0.35), (3.4, 0.0)])
+def test_toes_keep_out_of_the_ground(speed, bend):
+    """Feet that leave the ground, blended of walks and runs, point down by up to 76 degrees."""
+    player = Player(builtin_set())
+    turned = bend * np.arange(0.0, 14.0, 0.05)
+    way = 0.05 * np.cumsum(np.stack([np.sin(turned), np.cos(turned)], -1), axis=0)
+    player.follow(path_of(way, speeds=np.full(len(way), speed)))
+    soles = [sole_of(player.skeleton, side) for side in ("left", "right")]
+    lowest_tip = 0.0
+    for _ in range(300):
+        player.update(1 / 60)
+        places, turns = fk(player.skeleton, player.root, player.rotations)
+        for sole in soles:
+            down = sole.height + float(player.skeleton.offsets[sole.toes, 1])
+            tip = places[sole.toes] + rot.rotate(turns[sole.toes], np.array([0.0, -down, sole.tip - sole.ball]))
+            lowest_tip = min(lowest_tip, float(tip[1]))
+    assert lowest_tip > -0.03
+
+
+@pytest.mark.parametrize("height", [0.2, 0.36, 0.52])
+def test_a_jump_takes_off_with_knees_that_stretch_smoothly(height):
+    motion_set = builtin_set()
+    player = Player(motion_set)
+    player.move("jump_up", [height])
+    turns = []
+    while not player.free:
+        player.update(1 / 60)
+        turns.append(player.rotations.copy())
+    sources = max(_velocity_steps(e.clip.rotations).max() for e in motion_set.module("jump_up").examples)
+    assert _velocity_steps(turns).max() < sources
