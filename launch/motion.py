@@ -25,9 +25,9 @@ def launch(
 
     speed:= (m/s), turn:= (rad/s), tilt:=, bend:= (rad) and duck:= (0..1) drive the figure and can be changed while it
     runs (bunraku param set blender drive_speed 2.5); anything else is commanded: bunraku topic pub command.
-    transition:= is how it passes from motion to motion; motions:= is another motion set, figure:= another
-    body for the built-in one (a .bvh, .amc or motion set file), ground:= uneven ground;
-    page:=true serves the page; record:= and film:= name the bag and the mp4 to write.
+    transition:= is how it passes from motion to motion; motions:= is another motion set, figure:= another body for the
+    built-in one (a .bvh, .amc or motion set file), ground:= uneven ground; page:=true serves the page; record:= and
+    film:= name the bag and the mp4 to write.
     """
     blender: dict[str, object] = {
         "skeleton": True,

@@ -32,12 +32,12 @@ def launch(
 
     source:=web prints the page's link; hid and evdev (Linux) read a tablet, path:= says which (/dev/hidraw3,
     /dev/input/event5; else the first that is found); device:=pad takes a gamepad in the pen's place (web, evdev,
-    script); script:= is a performance (.pen, .pad); scale:= is how many metres of the ground a
-    metre of a tablet is; early:=true begins to walk before a stroke is a step long; natural:=true walks as people do
-    instead of exactly as the hand drew; obstacles:= is a file of what is walked round (.toml); ground:= is a file of
-    uneven ground, motions:= another motion set, figure:= another body (a .bvh, .amc or motion set file); page:=true serves the page beside another source, lan:=true to the network's tablets by a link with
-    a token, tls:=true over https; record:=, film:= and sheet:= name the bag, the
-    mp4 and the sheet of pictures to write.
+    script); script:= is a performance (.pen, .pad); scale:= is how many metres of the ground a metre of a tablet is;
+    early:=true begins to walk before a stroke is a step long; natural:=true walks as people do instead of exactly as
+    the hand drew; obstacles:= is a file of what is walked round (.toml); ground:= is a file of uneven ground,
+    motions:= another motion set, figure:= another body (a .bvh, .amc or motion set file); page:=true serves the page
+    beside another source, lan:=true to the network's tablets by a link with a token, tls:=true over https; record:=,
+    film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
     """
     if source == "hid" and device == "pad":
         raise LaunchError("pen: source: hid reads pens; play a gamepad by web, evdev or script")

@@ -21,9 +21,9 @@ def launch(
     """Touch and drag the figure: on the page, a TUIO table, a touch screen, or by a written performance.
 
     source:=web prints the page's link; lan:=true lets the network's tablets in by a link with a token, tls:=true over
-    https; port:= is TUIO's; script:= is a performance (.touch); figure:= is another body: a .bvh, .amc or motion set file;
-    page:=true serves the page beside another source;
-    record:=, film:= and sheet:= name the bag, the mp4 and the sheet of pictures to write.
+    https; port:= is TUIO's; script:= is a performance (.touch); figure:= is another body: a .bvh, .amc or motion set
+    file; page:=true serves the page beside another source; record:=, film:= and sheet:= name the bag, the mp4 and the
+    sheet of pictures to write.
     """
     drivers = [source, "web"] if page and source != "web" else [source]
     touch: dict[str, object] = {"drivers": drivers, "port": port}
