@@ -16,6 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from bunraku.figure.spring import LN2
 from bunraku.motion.blend import speeds_into, way_into
 from bunraku.motion.constraint import AHEAD, Ground, Path, path_of, smoothstep, wrapped
+from bunraku.motion.ending import (
+    COUNTED,
+    HELD,
+    HURRY,
+    RATES,
+    Cadence,
+    braked,
+    cadence_of,
+    last_steps,
+    room_of,
+)
 from bunraku.motion.footlock import GOES, STANDS, STILL, FeetState
 from bunraku.motion.footprint import Feet
 from bunraku.motion.ground import GroundHeight
@@ -62,6 +73,7 @@ class Player:
         self.stance = Stance(self.skeleton, ground, lock)
         self.scale = float(self.stance.feet.lengths.sum(axis=1).mean()) / 0.83
         self._rate, self._way = np.zeros(2), np.zeros(3)
+        self._cadence: Cadence | None = None
         stand = self.voices["stand"]
         self.playing = Playing(stand, stand.weights.neutral(np.zeros(3)), len(self.skeleton), transition)
         self.reset()
@@ -78,6 +90,7 @@ class Player:
         self.speed = 0.0
         self.gait = ""
         self.ending = False
+        self._hurry = 1.0  # times the cadence, in the last steps
         self._slip = np.zeros(3)  # m, m, rad: off the path, dying away
         self._slip_speed = np.zeros(3)
         self._move: _Move | None = None
@@ -161,7 +174,7 @@ class Player:
         self._slip[:] = x - px, z - pz, wrapped(heading - ph)
         if not going:
             self._slip_speed[:] = 0.0
-            self.speed = 0.0
+            self.speed, self._hurry = 0.0, 1.0
             self.activity, self._move = "go", None
             first = 0.5 if wrapped(ph - heading) > 0.0 else 0.0  # the inner foot goes first
             self.playing.switch(self._going(), self._asked_on_path(0.0), first)
@@ -175,7 +188,7 @@ class Player:
     def stop(self) -> None:
         """Leave the path as soon as the figure can come to a stand."""
         if self.activity == "go" and self.path is not None:
-            room = self.speed**2 / (2.0 * self.pace.brake * self.scale)
+            room = room_of(self.speed, self.pace.brake * self.scale)
             self.path, self.ending = self.path.trimmed(self.s + room), True
 
     def move(self, module: str, values: ArrayLike, end: Ground | None = None) -> None:
@@ -298,18 +311,16 @@ class Player:
         if self._limits is None or self._limits[0] is not path:
             self._limits = (path, path.limits(pace.turning / sqrt(self.scale), pace.slow_in))
         # Speed follows with a lag, so it is asked for a little ahead.
-        wanted = min(wanted, float(self._limits[1][path.point(self.s + 0.15 * self.speed)]))
+        most = float(self._limits[1][path.point(self.s + 0.15 * self.speed)])
+        wanted = min(wanted, most)
+        share, hurry, left = self._last_steps(room, wanted)
+        wanted = min(wanted * share, most)
         change = (1.0 - exp(-LN2 * dt / pace.hurry)) * (wanted - self.speed)
         # The first steps begin under the body: a figure that starts faster would leave its feet behind.
         start = pace.start * (1.0 + 0.6 * max(self.speed - 1.0, 0.0))
         change = max(min(change, start * dt), -pace.slow * self.scale * dt)
         # Toward the end: by the usual brake, harder only as far as the room that is left asks for.
-        most = sqrt(2.0 * pace.brake * self.scale * room)
-        if self.speed > most:
-            needed = max(self.speed**2 / (2.0 * max(room, 1e-3)), pace.brake * self.scale)
-            self.speed = max(self.speed + min(change, -needed * dt), 0.04)
-        else:
-            self.speed = min(self.speed + change, max(most, self.speed - pace.brake * self.scale * dt, 0.04))
+        self.speed = braked(self.speed, change, room, pace.brake * self.scale, dt)
         rate = 1.0
         if self.gait:
             rate = max(self.speed / natural, 0.35)
@@ -327,13 +338,13 @@ class Player:
         self.s += step
         arrived = path.end - self.s < 1e-3
         # The last footfall comes when the end does.
-        before = playing.u
-        half = 0.5 if before < 0.5 else 1.0
-        if room < LAST * self.scale and not self.gait:
-            left = playing.seconds(half)
-            eta = sqrt(2.0 * room / (pace.brake * self.scale))
-            rate = min(max(left / max(eta, 1e-3), 0.8), 1.35)
+        half = 0.5 if playing.u < 0.5 else 1.0
+        if not self.gait:
+            self._hurry += (1.0 - exp(-LN2 * dt / HURRY)) * (hurry - self._hurry)
+            rate = self._hurry
         playing.u = playing.later(dt * rate)
+        if left and self.ending and playing.u >= half and not arrived and room < HELD * self.scale:
+            playing.u = half - 1e-6
         x, z, heading = path.at(self.s)
         self._settle_slip(dt)
         slip = [float(v) for v in self._slip]
@@ -342,6 +353,19 @@ class Player:
         playing.u %= 1.0
         if arrived and crossed and self.speed <= 0.08:
             self._arrive()
+
+    def _last_steps(self, room: float, wanted: float) -> tuple[float, float, bool]:
+        """What speed and cadence are multiplied by ``room`` m before the end, and whether the step is the last."""
+        brake = self.pace.brake * self.scale
+        counted = COUNTED * self.scale + room_of(self.speed, brake) if self.ending else LAST * self.scale
+        if self.gait or room > counted:
+            return 1.0, 1.0, False
+        if self._cadence is None or self._cadence.brake != brake:
+            self._cadence = cadence_of(self.voices["locomotion"], self.pace.most * sqrt(self.scale), brake)
+        half = 0.5 if self.playing.u < 0.5 else 1.0
+        step = min(self.playing.seconds(half) * self._cadence.rate(self.speed), 1.0)
+        share, rate, more = last_steps(self._cadence, room, self.speed, wanted, self.pace.start, step)
+        return share if self.ending else 1.0, min(max(rate, RATES[0]), RATES[1]), more == 0
 
     def _settle_slip(self, dt: float) -> None:
         decay_half = self.pace.bearing
@@ -389,8 +413,8 @@ class Player:
             "place": [self.place.x, self.place.z, self.place.heading],
             "posture": self.posture.tolist(),
             "activity": self.activity, "s": float(self.s), "speed": float(self.speed), "gait": self.gait,
-            "ending": self.ending, "voice": self._voice_key(), "playing": self.playing.snapshot(),
-            "slip": self._slip.tolist(),
+            "ending": self.ending, "hurry": float(self._hurry), "voice": self._voice_key(),
+            "playing": self.playing.snapshot(), "slip": self._slip.tolist(),
             "move": None if self._move is None else [
                 [self._move.begin.x, self._move.begin.z, self._move.begin.heading], list(self._move.pull),
                 list(self._move.window)],
@@ -416,6 +440,7 @@ class Player:
             self.posture[:] = saved["posture"]
             self.activity, self.s, self.speed = saved["activity"], float(saved["s"]), float(saved["speed"])
             self.gait, self.ending = saved["gait"], bool(saved["ending"])
+            self._hurry = float(saved["hurry"])
             self._slip[:] = saved["slip"]
             move = saved["move"]
             self._move = None if move is None else _Move(Ground(*move[0]), tuple(move[1]), tuple(move[2]))
