@@ -81,7 +81,7 @@ def main() -> None:
         pictures.append(whole.crop((left, 0, right, HIGH)).resize(size, Image.Resampling.LANCZOS))
     engine.close()
     pictures[0].save(
-        args.output, save_all=True, append_images=pictures[1:], duration=round(1000 / args.fps), loop=0, quality=60,
+        args.output, save_all=True, append_images=pictures[1:], duration=round(1000 / args.fps), loop=0, quality=45,
         method=6, minimize_size=False,
     )  # fmt: skip
     print(f"{args.output}  {size[0]}x{size[1]}  {len(pictures)} pictures  {args.output.stat().st_size / 1024:.0f} KiB")
