@@ -47,8 +47,8 @@ class PenRules:
     """s between lift and landing at most; generous, because timing was the pen's weakness in the paper's test."""
     jump_range: float = 1.60
     """m from lift to landing at most, straight ahead; farther is a reset."""
-    jump_back: float = 0.95
-    """m at most to the sides and back: people jump less far there."""
+    jump_back: float = 0.80
+    """m at most to the sides and back: people jump less far there, and figures no farther than is drawn."""
     jump_same: float = 0.18
     """m within which a landing is a vertical jump."""
     fling_speed: float = 6.0

@@ -92,7 +92,7 @@ def jump_range(way: Point, heading: float, rules: PenRules) -> float:
     """How far (m) a figure that faces ``heading`` (rad from +Z) jumps in the direction of ``way`` (x, z)."""
     length = distance((0.0, 0.0), way)
     ahead = (way[0] * sin(heading) + way[1] * cos(heading)) / length if length > 1e-9 else 1.0
-    return rules.jump_back + (rules.jump_range - rules.jump_back) * max(ahead, 0.0) ** 2
+    return rules.jump_back + (rules.jump_range - rules.jump_back) * max(ahead, 0.0) ** 3
 
 
 class PenTrack:

@@ -230,7 +230,7 @@ def test_a_jump_between_a_reset_and_a_stroke_ends_the_path_that_was_drawn_before
 @pytest.mark.parametrize("gap", [0.03, 0.06, 0.15, 0.3, 0.5, 0.65, 0.69])
 @pytest.mark.parametrize("azimuth", range(0, 360, 45))
 def test_lift_and_land_near_is_a_jump_there(azimuth: int, gap: float) -> None:
-    way = (0.9 * sin(azimuth * pi / 180), 0.9 * cos(azimuth * pi / 180))
+    way = (0.75 * sin(azimuth * pi / 180), 0.75 * cos(azimuth * pi / 180))
     tablet = Tablet()
     tablet.send((0.0, 0.0), pressure=0.4)
     tablet.scene.now += 0.3

@@ -16,6 +16,7 @@ from bunraku.msgs import Locomotion, PathPoint, Pen
 from bunraku.nodes.blender.node import Blender
 from bunraku.nodes.interpreter.node import Interpreter
 from bunraku.nodes.interpreter.pen_rules import PenRules
+from bunraku.nodes.interpreter.pen_stroke import jump_range
 from bunraku.runtime.memory import MemoryStage
 
 RULES = PenRules()
@@ -245,7 +246,7 @@ def test_a_long_stroke_aside_turns_and_then_walks(angle: float) -> None:
 
 
 @pytest.mark.parametrize("angle", EIGHT)
-@pytest.mark.parametrize("length", [0.5, 0.85])
+@pytest.mark.parametrize("length", [0.5, 0.75])
 def test_lifted_and_landed_near_jumps_there_without_turning(angle: float, length: float) -> None:
     play = Play()
     play.hold(0.2)
@@ -262,6 +263,24 @@ def test_lifted_and_landed_near_jumps_there_without_turning(angle: float, length
     assert abs(np.angle(np.exp(1j * headings[-1]))) < 0.10
     flying = [one for one in play.poses() if not (one.contacts.left_foot or one.contacts.right_foot)]
     assert len(flying) >= 8
+
+
+@pytest.mark.parametrize("degrees", range(0, 360, 15))
+def test_a_jump_almost_to_the_blue_line_lands_where_the_pen_did(degrees: int) -> None:
+    play = Play()
+    right, ahead = way(np.radians(degrees), 1.0)
+    far = 0.98 * jump_range((-right, ahead), 0.0, RULES)
+    play.hold(0.2)
+    play.lift()
+    play.wait(0.15)
+    play.at = (far * right, far * ahead)
+    play.send()
+    play.wait(0.1)
+    play.lift()
+    play.wait(2.6)
+    hips = play.hips()
+    assert play.kinds() == ["Jump"]
+    assert hypot(hips[-1, 0] - play.at[0], hips[-1, 2] - play.at[1]) < 0.03
 
 
 def test_landed_at_the_same_place_jumps_up_the_higher_the_more_was_pressed() -> None:
