@@ -251,22 +251,24 @@ def pad_latency(kind: str, phase: float) -> float:
 
 
 def early_errors(count: int = 200, seed: int = 5) -> tuple[int, int]:
-    """Of random short strokes: how many an early start takes for a walk, and how many of them there were."""
+    """Of random short strokes aside and back: how many an early start takes for a walk, of how many."""
     from bunraku.nodes.interpreter.pen_stroke import PenTrack, Sample
 
     random = np.random.default_rng(seed)
     wrong = 0
     for _ in range(count):
         track = PenTrack(RULES)
-        length, seconds = random.uniform(0.2, 0.7), random.uniform(0.15, 0.6)
+        aside = float(random.uniform(RULES.early_ahead + 0.1, 2.0 * pi - RULES.early_ahead - 0.1))
+        length, seconds = random.uniform(0.2, RULES.longest_step), random.uniform(0.15, 0.6)
         frames = max(2, round(seconds * RATE))
         early = False
         for k in range(frames + 1):
             s = k / frames
             shake = random.normal(0.0, 0.004, 2)
-            place = (float(shake[0]), length * s * s * (3 - 2 * s) + float(shake[1]))
+            gone = length * s * s * (3 - 2 * s)
+            place = (gone * np.sin(aside) + float(shake[0]), gone * np.cos(aside) + float(shake[1]))
             for event in track.hear(Sample(10.0 + k / RATE, place, True)):
-                early = early or (event.kind == "moving" and track.stroke.unambiguous(track.moved_at, RULES))
+                early = early or (event.kind == "moving" and track.stroke.unambiguous(track.moved_at, RULES, 0.0))
         wrong += early
     return wrong, count
 
@@ -289,7 +291,7 @@ def main() -> None:
                   f"| {100 * (1 - q.speed_error):.1f} % | {q.behind:.1f} |", flush=True)  # fmt: skip
     print("\n| corner | pen m/s | path | slowest m/s | mean of 2 m about it m/s | on after the pen s |")
     print("|---|---|---|---|---|---|")
-    for angle in (45.0, 90.0, 135.0):
+    for angle in (45.0, 90.0, 135.0, 180.0):
         for speed in (1.3, 2.4):
             for natural in (False, True):
                 a, b, c = round_corner(np.radians(angle), speed, natural)
@@ -306,7 +308,7 @@ def main() -> None:
         c = float(np.median([pad_latency(kind, phase) for phase in np.arange(4) / (4 * FPS)]) * 1e3)
         print(f"| {kind}, gamepad | 0 | 0 | {c:.0f} |", flush=True)
     wrong, count = early_errors()
-    print(f"\nearly start: {wrong} of {count} random strokes of a step's length taken for a walk")
+    print(f"\nearly start: {wrong} of {count} random strokes of a step's length, aside and back, taken for a walk")
 
 
 if __name__ == "__main__":

@@ -70,7 +70,12 @@ class Walk:
             spots = [(float(s), (float(x), float(z))) for s, x, z, _ in self.laid]
         else:
             spots = [(one.arc, one.place) for one in self.points]
-        near = [(distance(spot, place), s) for s, spot in spots if self.place - 0.2 <= s <= self.place + window]
+        # Where a path comes back over itself the figure is on the part that comes first.
+        near = [
+            (distance(spot, place) + 0.25 * (s - self.place), s)
+            for s, spot in spots
+            if self.place - 1e-9 <= s <= self.place + window
+        ]
         if near:
             self.place = max(self.place, min(near)[1])
 

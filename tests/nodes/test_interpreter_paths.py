@@ -107,6 +107,16 @@ def test_what_was_said_under_the_feet_stays_and_arc_lengths_go_on() -> None:
     assert start < walk.laid[0, 0], "the corner was cut: the own way is shorter than the drawn one"
 
 
+def test_a_figure_on_a_path_that_comes_back_over_itself_is_not_taken_to_be_on_its_way_back() -> None:
+    out = np.stack([np.zeros(61), np.linspace(0.0, 3.0, 61)], -1)
+    walk = drawn_walk(np.concatenate([out, out[-2::-1]]), place=0.0)
+    sway = 0.03 * np.sin(np.arange(300.0))
+    for k, off in enumerate(sway):
+        gone = 0.02 * k
+        walk.locate((float(off), gone if gone <= 3.0 else 6.0 - gone))
+        assert walk.place == pytest.approx(gone, abs=0.2)
+
+
 def test_points_keep_their_places_while_a_path_grows() -> None:
     first, second = grid(0.37, 2.013, 0.05), grid(0.37, 2.61, 0.05)
     assert first[:-1] == pytest.approx(second[: len(first) - 1])
