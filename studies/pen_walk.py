@@ -9,7 +9,7 @@ often an early start is wrong.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import pi
 
@@ -250,8 +250,17 @@ def pad_latency(kind: str, phase: float) -> float:
     return first_motion(stage, begun)
 
 
-def early_errors(count: int = 200, seed: int = 5) -> tuple[int, int]:
-    """Of random short strokes aside and back: how many an early start takes for a walk, of how many."""
+SHAPES: dict[str, Callable[[float], float]] = {
+    "slows down to its end": lambda s: s * s * (3.0 - 2.0 * s),
+    "least jerk": lambda s: s**3 * (10.0 - 15.0 * s + 6.0 * s * s),
+    "even speed, then stops": lambda s: s,
+    "flick, lifted at 70 % of its time": lambda s: (0.7 * s) ** 2 * (3.0 - 1.4 * s) / (0.7**2 * (3.0 - 1.4)),
+}
+"""How far a stroke is at a share of its time."""
+
+
+def early_errors(shape: Callable[[float], float], shortest: float, count: int = 400, seed: int = 5) -> int:
+    """Of random strokes of a step from ``shortest`` m on, aside and back: how many an early start takes for a walk."""
     from bunraku.nodes.interpreter.pen_stroke import PenTrack, Sample
 
     random = np.random.default_rng(seed)
@@ -259,18 +268,17 @@ def early_errors(count: int = 200, seed: int = 5) -> tuple[int, int]:
     for _ in range(count):
         track = PenTrack(RULES)
         aside = float(random.uniform(RULES.early_ahead + 0.1, 2.0 * pi - RULES.early_ahead - 0.1))
-        length, seconds = random.uniform(0.2, RULES.longest_step), random.uniform(0.15, 0.6)
+        length, seconds = random.uniform(shortest, RULES.longest_step), random.uniform(0.15, 0.6)
         frames = max(2, round(seconds * RATE))
         early = False
         for k in range(frames + 1):
-            s = k / frames
             shake = random.normal(0.0, 0.004, 2)
-            gone = length * s * s * (3 - 2 * s)
+            gone = length * shape(k / frames)
             place = (gone * np.sin(aside) + float(shake[0]), gone * np.cos(aside) + float(shake[1]))
             for event in track.hear(Sample(10.0 + k / RATE, place, True)):
                 early = early or (event.kind == "moving" and track.stroke.unambiguous(track.moved_at, RULES, 0.0))
         wrong += early
-    return wrong, count
+    return wrong
 
 
 def main() -> None:
@@ -307,8 +315,10 @@ def main() -> None:
     for kind in ("step", "walk", "jump"):
         c = float(np.median([pad_latency(kind, phase) for phase in np.arange(4) / (4 * FPS)]) * 1e3)
         print(f"| {kind}, gamepad | 0 | 0 | {c:.0f} |", flush=True)
-    wrong, count = early_errors()
-    print(f"\nearly start: {wrong} of {count} random strokes of a step's length, aside and back, taken for a walk")
+    print("\n| a step's stroke, aside and back | of 400 from 0.2 m taken for a walk | of 400 from early_step on |")
+    print("|---|---|---|")
+    for name, shape in SHAPES.items():
+        print(f"| {name} | {early_errors(shape, 0.2)} | {early_errors(shape, RULES.early_step)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 At load every example is sampled on one grid of generic time and split in two: the *path frame*, which carries the
 figure over the ground, and the *local pose* in it (the root's sway and height, the root's turn against the path,
 and the joints' rotations). Rotations are kept as logarithms about their joint's mean, so that blending them is one
-weighted sum. The way over the ground is blended as velocity and integrated, never as a position.
+weighted sum. A cycle's way over the ground is blended as velocity and integrated; a single motion's is the weighted
+sum of its examples' ways from where it began, and what that lacks at its goal is made up for.
 
 A cycle's path is the arc of its constant speed and turn rate; a single motion's is the root's own way and heading.
 """
@@ -109,7 +110,7 @@ def _closed(local: Array, turns: Array) -> tuple[Array, Array]:
 
 
 def _means(rotations: Array) -> Array:
-    """(J, 4) the mean rotation of each joint over examples and time (two Karcher steps from the first)."""
+    """(J, 4) the mean rotation of each joint over examples and time (three Karcher steps from the first)."""
     flat = rotations.reshape(-1, *rotations.shape[-2:])
     means = np.array(flat[0])
     for _ in range(3):
