@@ -165,7 +165,7 @@ class PenCore:
             if self._resumes:
                 self._resume(scene)
             if self.walk is None and self._is_locomotion():
-                self.walk = Walk(self._next_id(scene))
+                self.walk = Walk(self._next_id(scene), rules=self.rules)
             elif self.walk is not None and self.walk.complete and self.walk.left > rules.rejoin:
                 self._lengthens(self.walk)
             if self.walk is not None and not self.walk.complete:
@@ -243,7 +243,7 @@ class PenCore:
         if walk is None:
             return
         walk.locate(self._figure(scene))
-        if walk.complete and walk.left <= 0.12:
+        if walk.complete and walk.left <= self.rules.arrived:
             if self._changed:  # the last word of a path that the figure has caught up with
                 self._queue.append(self._locomotion(walk, scene))
             self.walk = None
@@ -296,7 +296,7 @@ class PenCore:
     def _sample_time(self, pen: Pen, now: float) -> float:
         """The device's own time where it is sound, so that the way here adds no jitter to speeds."""
         sampled = (pen.origin or 0) * 1e-9
-        return sampled if 0.0 <= now - sampled < 0.5 else now
+        return sampled if 0.0 <= now - sampled < self.rules.oldest_sample else now
 
     def _figure(self, scene: Scene) -> Point:
         hips = scene.positions[scene.joint("hips")]
@@ -318,7 +318,7 @@ class PenCore:
             self._placed = True
             self.track.end = here
         idle = self.track.stopped and not self.track.contact and self.walk is None and not self._queue
-        if idle and all(scene.planted) and scene.now - self.track.moved_at > 2.0:
+        if idle and all(scene.planted) and scene.now - self.track.moved_at > self.rules.settle_time:
             self.track.end = here
 
     def _next_id(self, scene: Scene) -> int:

@@ -43,6 +43,7 @@ class Walk:
     """What was said last: drawn arc length, x, z and its own arc length (m) of each point."""
     sides: dict[str, int] = field(default_factory=dict)
     """Which side of an obstacle it passes."""
+    rules: PenRules = field(default_factory=PenRules)
 
     @property
     def length(self) -> float:
@@ -60,21 +61,21 @@ class Walk:
         if len(self.points) < 2:
             return None
         x, z = self.points[-1].place
-        before = (one.place for one in reversed(self.points) if distance(one.place, (x, z)) > 0.1)
+        before = (one.place for one in reversed(self.points) if distance(one.place, (x, z)) > self.rules.end_way)
         back = next(before, self.points[0].place)
         return atan2(x - back[0], z - back[1])
 
-    def locate(self, place: Point, window: float = 1.5) -> None:
-        """Find the figure on it, at most ``window`` m beyond where it was."""
+    def locate(self, place: Point) -> None:
+        """Find the figure on it, at most `PenRules.look_on` m beyond where it was."""
         if len(self.laid):
             spots = [(float(s), (float(x), float(z))) for s, x, z, _ in self.laid]
         else:
             spots = [(one.arc, one.place) for one in self.points]
         # Where a path comes back over itself the figure is on the part that comes first.
         near = [
-            (distance(spot, place) + 0.25 * (s - self.place), s)
+            (distance(spot, place) + self.rules.look_near * (s - self.place), s)
             for s, spot in spots
-            if self.place - 1e-9 <= s <= self.place + window
+            if self.place - 1e-9 <= s <= self.place + self.rules.look_on
         ]
         if near:
             self.place = max(self.place, min(near)[1])
@@ -83,7 +84,7 @@ class Walk:
         """s that the figure is behind the pen, beyond what walking after a hand takes anyway; at least 0."""
         if len(self.points) < 2:
             return 0.0
-        near = self.between(self.place - 0.5, self.place + 0.5)
+        near = self.between(self.place - rules.lag_about, self.place + rules.lag_about)
         drawn = float(np.interp(self.place, [one.arc for one in near], [one.time for one in near]))
         return max(now - drawn - rules.usual_lag, 0.0)
 
@@ -141,20 +142,21 @@ def slowed(speeds: Array, places: Array, gaps: Array, rules: PenRules) -> Array:
     step = np.gradient(places, axis=0)
     heading = np.unwrap(np.arctan2(step[:, 0], step[:, 1]))
     bend = np.abs(np.gradient(heading)) / np.maximum(gaps, 1e-6)
-    bend = np.convolve(np.pad(bend, 3, "edge"), np.full(7, 1.0 / 7.0), "valid")
+    half = round(rules.bend_about / rules.spacing)
+    bend = np.convolve(np.pad(bend, half, "edge"), np.full(2 * half + 1, 1.0 / (2 * half + 1)), "valid")
     bound = np.sqrt(rules.sideways / np.maximum(bend, 1e-6))
     return np.minimum(speeds, np.maximum(bound, rules.slowest))
 
 
-def averaged(points: list[StrokePoint], at: Array, rules: PenRules, average: float = 0.15) -> tuple[Array, Array]:
-    """The drawn path at arc lengths ``at``: places (n, 2) and, from the samples recorded within ``average`` m, the
-    pen's speed, lean (x, z) and duck (n, 4)."""
+def averaged(points: list[StrokePoint], at: Array, rules: PenRules) -> tuple[Array, Array]:
+    """The drawn path at arc lengths ``at``: places (n, 2) and, from the samples recorded within
+    `PenRules.average` m, the pen's speed, lean (x, z) and duck (n, 4)."""
     arcs = np.array([one.arc for one in points])
     table = np.array([[*one.place, one.speed, *one.lean, duck_of(one.pressure, rules)] for one in points])
     places = np.stack([np.interp(at, arcs, table[:, k]) for k in range(2)], axis=1)
     sums = np.vstack([np.zeros(4), np.cumsum(table[:, 2:], axis=0)])
-    low = np.searchsorted(arcs, at - average)
-    high = np.minimum(np.maximum(np.searchsorted(arcs, at + average), low + 1), len(points))
+    low = np.searchsorted(arcs, at - rules.average)
+    high = np.minimum(np.maximum(np.searchsorted(arcs, at + rules.average), low + 1), len(points))
     low = np.minimum(low, high - 1)
     return places, (sums[high] - sums[low]) / (high - low)[:, None]
 

@@ -17,6 +17,28 @@ class PenRules:
     """m, assumed for a tablet that does not tell its size."""
     still: float = 0.03
     """m: a pen that stays within this is still."""
+    tremble: float = 0.006
+    """m within which a still pen has not begun to move: its stroke begins when it leaves this."""
+    least_move: float = 0.0075
+    """m between two points of a stroke at least."""
+    oldest_sample: float = 0.5
+    """s: a device's own time that lies farther back is not believed."""
+    settle_time: float = 2.0
+    """s without a stroke after which the next one begins where the figure stands."""
+    arrived: float = 0.12
+    """m of path left with which it has been walked."""
+    end_way: float = 0.10
+    """m before a path's end from which its last direction is taken."""
+    look_on: float = 1.5
+    """m of path ahead of the figure's last place in which it is looked for."""
+    look_near: float = 0.25
+    """m of distance that each m ahead counts as: on a path that comes back over itself the first part is taken."""
+    lag_about: float = 0.5
+    """m of path about the figure whose times say how far it is behind the pen."""
+    average: float = 0.15
+    """m about a place from whose samples its speed and posture are averaged."""
+    bend_about: float = 0.15
+    """m about a place over which the bend of a natural path is averaged."""
     stop_time: float = 0.22
     """s that a pen is still, or away, before its stroke has ended."""
     least_step: float = 0.10

@@ -207,14 +207,14 @@ class PenTrack:
         if self.stopped:
             away = distance(sample.place, self._anchor)
             if away < rules.still:
-                if away < 0.2 * rules.still:
+                if away < rules.tremble:
                     self._left_at = sample.time
                 return []
             before = self._left_at
             self.stroke = Stroke(began=before)
             self._add(Sample(before, self._anchor, True, sample.pressure, sample.lean), 0.0)
             self.stopped = False
-        elif distance(sample.place, self._anchor) < 0.25 * rules.still:
+        elif distance(sample.place, self._anchor) < rules.least_move:
             return []
         self._anchor = sample.place
         self._left_at = self.moved_at = sample.time
