@@ -17,6 +17,7 @@ from .sight import Sight
 Array = NDArray[np.float64]
 RULES = PadRules()
 FLICK = 0.10  # s from rest to the full tilt
+MARGIN = 0.15  # m before a place at which one means to stand
 GAINS = 0.7  # m/s that a figure may have gained since it was seen
 
 
@@ -79,7 +80,8 @@ class PadPlayer(Player):
             speed = hypot(*velocity)
             acts = self.acts(sight, route, arc)
             act = acts[0] if acts else None
-            if act is not None and arc >= act.hold - 0.1 - coast(speed):
+            rolls = coast(min(speed + GAINS, RULES.fastest))
+            if act is not None and arc >= act.hold - MARGIN - rolls:
                 yield from self.do(act)
                 continue
             if self.ducks(sight, route, arc, 0.6 + 0.9 * max(speed, 0.6), 0.5):
@@ -91,7 +93,7 @@ class PadPlayer(Player):
             aside = degrees(abs(remainder(angle - atan2(velocity[1], velocity[0]), 2.0 * pi))) if speed > 0.6 else 0.0
             straight = max(route.turn(arc, max(1.2, speed)), aside) < self.person.bend
             full = straight or arc < self.dash
-            near = act is not None and act.hold - arc < 0.3 * speed + coast(speed + GAINS) and arc >= self.dash
+            near = act is not None and act.hold - arc < 0.3 + 0.3 * speed + rolls and arc >= self.dash
             share = 1.0 if full and not near and RULES.duck not in self.buttons else self.person.slow
             self.wanted = self.tilted(np.array([cos(angle), sin(angle)]), share)
             self.say()
