@@ -17,7 +17,7 @@ from .sight import Sight
 Array = NDArray[np.float64]
 RULES = PadRules()
 FLICK = 0.10  # s from rest to the full tilt
-MARGIN = 0.15  # m before a place at which one means to stand
+MARGIN = 0.45  # m before a place at which one means to stand, since a run is seen too late
 GAINS = 0.7  # m/s that a figure may have gained since it was seen
 
 
