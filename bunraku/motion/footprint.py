@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 MOST_BENT = 1.2
 """rad that toes are bent up to keep out of the ground"""
-TOE_NEAR = 0.035
+TOE_NEAR = 0.07
 """m over the ground from where on they are"""
 
 

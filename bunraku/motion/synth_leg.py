@@ -180,11 +180,15 @@ def swing(
         )
         return from_world(spots, *arc.at((cycle + 0.5 * side + at) * period))
 
+    # The angles are those of upright people: over lowered hips the foot goes as high over the ground as theirs.
+    ducked = gait.duck * max(frame.standing + frame.hip_offsets[side, 1] - float(hip[:-1, 1].mean()), 0.0)
+
     def published(at: Array) -> Array:
         """The ankle (n, 3) m by the published angles, seen from the path."""
         hips = _sample_hip(phase, hip, at + 0.5 * side)
         out = _fk(gait, at, upper, lower) + hips
         out[:, 0] = hips[:, 0]
+        out[:, 1] += ducked
         return out
 
     for cycle in (-1, 0):
