@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
+A = TypeVar("A")
 
 COMPILED = os.environ.get("BUNRAKU_JIT", "1") != "0" and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
@@ -44,17 +45,44 @@ def cache_folder(name: str = "motion") -> Path:
 
 if COMPILED:
     import numba
+    import numba.extending
 
     _OWN = "NUMBA_CACHE_DIR" not in os.environ
 
-    def kernel(function: F) -> F:
-        """Compile ``function`` (no Python objects inside), cached on disk."""
+    def _compiled(function: F, inline: bool) -> F:
         if _OWN:
             numba.config.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename).parent.name))  # type: ignore[attr-defined]
-        return cast(F, numba.njit(cache=True, error_model="numpy")(function))
+        return cast(F, numba.njit(cache=True, error_model="numpy", forceinline=inline)(function))
+
+    def kernel(function: F) -> F:
+        """Compile ``function`` (no Python objects inside), cached on disk."""
+        return _compiled(function, inline=False)
+
+    def kernel_inline(function: F) -> F:
+        """`kernel` for a small one that takes whole records: part of its callers, since handing over a hundred
+        arrays costs more than what it does."""
+        return _compiled(function, inline=True)
+
+    @numba.extending.intrinsic
+    def bare(typing: Any, array: Any) -> Any:
+        """The same array as one that nobody owns: its views are handed on without atomic reference counts, which
+        cost more than the arithmetic of a small kernel. Only for arrays that the caller's caller keeps."""
+
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            seen = context.make_array(signature.args[0])(context, builder, arguments[0])
+            seen.meminfo = seen.meminfo.type(None)
+            return seen._getvalue()
+
+        return array(array), code
 
 else:
+
+    def bare(array: A) -> A:
+        """The array as it is."""
+        return array
 
     def kernel(function: F) -> F:
         """Leave ``function`` as it is."""
         return function
+
+    kernel_inline = kernel

@@ -10,16 +10,15 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.jit import kernel
+from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.mass import center_of_mass_into
-from bunraku.figure.pointpose import reconstruct_into
 from bunraku.figure.quat import angle, mul_inv, slerp
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
 from bunraku.nodes.controller.blend import blend_point, blend_turn
 from bunraku.nodes.controller.collision import Contacts
 from bunraku.nodes.controller.legs import keep_pelvis_over_feet, lean_room
-from bunraku.nodes.controller.placing import place_limb
+from bunraku.nodes.controller.placing import place_body
 from bunraku.nodes.controller.state import Gains, Held, State, Under
 from bunraku.nodes.controller.step import IDLE, PHASE
 from bunraku.nodes.controller.tracking import keep_lean, reach_with_trunk, root_shift
@@ -36,8 +35,10 @@ ENOUGH = 2e-4
 """m: shifts below this end the rounds."""
 STILL_BENDS = 0.04
 """rad by which the trunk bends in a round in which the knees still wait."""
+STALLED = 1e-4
+"""m and rad of a round below which tracking and balance will not come any nearer to each other."""
 STRAIN = 0.005
-"""m that a held end lacks from which the step is made of short ones, so that it goes the same way at every rate."""
+"""m that an end held over a motion lacks from which the step is made of short ones."""
 REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.06, 8.0, 0.4
@@ -111,19 +112,11 @@ def agree(
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping, True
         )  # fmt: skip
-    for round_ in range(ROUNDS + LAST_ROUNDS):
+    round_ = 0
+    while round_ < ROUNDS + LAST_ROUNDS:
         last_word = round_ >= ROUNDS
-        reconstruct_into(
-            rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
-            rotations_ws,
-        )  # fmt: skip
-        for limb in range(4):
-            if flags[1 + limb] > 0.5:
-                # As far as its joints go: what they hold back weighs where it is.
-                place_limb(rig, st, under, contacts.limits, limb, True, rotations_ls, positions_ws, rotations_ws)
-            elif limb < 2:
-                for k in range(3):
-                    st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
+        # Held limbs as far as their joints go: what those hold back weighs where it is.
+        place_body(rig, st, under, contacts.limits, flags, arms, flags[1:], rotations_ls, positions_ws, rotations_ws)
         center_of_mass_into(rig.masses, rig.mass_centers, positions_ws, rotations_ws, center)
         size = sole_polygon(rig, st.points, st.feet, st.support, hull)
         if untouched:
@@ -137,13 +130,11 @@ def agree(
         for k in range(2):
             pelvis_weights[k], trunk_weights[k] = 0.0, 0.0
         most = 0.0
-        lacking, arms_lacking = 0, 0
         # Tracking: the mean of what the held ends still lack.
         if not last_word:
+            lacking, arms_lacking = 0, 0
             for k in range(3):
-                shift[k] = 0.0
-            for k in range(3):
-                shoulder[k] = 0.0
+                shift[k], shoulder[k] = 0.0, 0.0
             for limb in range(4):
                 # (An end that a held elbow takes along asks for nothing.)
                 if held.flags[1 + limb] > 0.5 and flags[1 + limb] > 0.5:
@@ -160,7 +151,7 @@ def agree(
                         for k in range(3):
                             shift[k] += part[k]
             if lacking > 0:
-                if most > STRAIN:
+                if over and most > STRAIN:
                     st.mode[2] = 1.0
                 size_ = 0.0
                 for k in range(3):
@@ -215,11 +206,14 @@ def agree(
                     )  # fmt: skip
                     trunk_weights[1] = gains.w_balance
         blend_point(pelvis_votes, pelvis_weights, start, st.points[0])
+        turned = 0.0
         if trunk_weights[0] + trunk_weights[1] > 0.0:
             for k in range(4):
                 turn[k] = st.turns[0, k]
             blend_turn(trunk_votes, trunk_weights, turn, st.turns[0])
             keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
+            for k in range(4):
+                turned += 2.0 * abs(st.turns[0, k] - turn[k])
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
             not stepping and not over, not over,
@@ -229,12 +223,16 @@ def agree(
         moved = 0.0
         for k in range(3):
             moved += (st.points[0, k] - start[k]) ** 2
-        if most < ENOUGH and moved < 1e-8:
-            break
+        round_ += 1
+        if moved < STALLED * STALLED:
+            if most < ENOUGH:
+                break
+            if not last_word and turned < STALLED:
+                round_ = ROUNDS
     return size
 
 
-@kernel
+@kernel_inline
 def hold_back(
     rig: Rig, gains: Gains, st: State, held: Held, under: Under, flags: Array, aims_before: Array, pelvis: Array,
     trunk: Array, positions_ws: Array, dt: float,

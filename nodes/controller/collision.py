@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.boxes import box_axes, pair_gap, place_boxes_into
-from bunraku.figure.jit import kernel
+from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.limits import Limits
 from bunraku.figure.quat import angle, mul_inv, rotate
 from bunraku.figure.rig import Rig
@@ -42,15 +42,16 @@ SLIDE, CREEP = 1.5, 0.15
 """How much faster than its goal a limb slides along something, and m/s at which it does where the goal rests."""
 SLIDE_TURN, CREEP_TURN = 8.0, 0.7
 """rad/m and rad/s: the same for the turn of its elbow or knee."""
-LEAST_PROGRESS = 0.012
-"""m/s: one that comes no nearer than this stays where it is."""
+LEAST_PROGRESS, LEAST_FREE = 0.012, 0.002
+"""m/s: a driven and a free one that come no nearer than this stay where they are."""
 LEAST_LEVER, LEAST_BEND, MOST_PUSH = 0.1, 0.02, 0.05
 """Share of the upper bone below which a contact is taken for farther out; m that an elbow stands out before it is
 turned; m that one push moves the end at most."""
 WAIT = 0.5
 """s that a free limb rests on something before it slides on."""
-TOUCH = 1e-3
-"""m between what a push has moved apart: farther, and what slides would bounce away from what it slides along."""
+TOUCH, LEAN = 1e-3, 4e-4
+"""m between what a push has moved apart: farther, and what slides would bounce away from what it slides along; the
+same for a free limb, which leans on what it touches."""
 SHALLOW = 0.005
 """m: an overlap that is mended gently."""
 GENTLER = 5
@@ -230,7 +231,7 @@ def mark_limb(rig: Rig, limb: int, value: float, out: Array) -> None:
         out[joint] = value
 
 
-@kernel
+@kernel_inline
 def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
     """Which joints (J,) get out of a limb's way: free limbs yield to driven ones, arms to legs."""
     for joint in range(out.shape[0]):
@@ -247,15 +248,16 @@ def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
 @kernel
 def go(
     rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, limb: int, start: Array, swivel: float,
-    goal: Array, wanted: float, share: float, pushes: int, most_turn: float, deepest: float, yielding: Array,
-    limited: bool, rotations_ls: Array, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array,
-    push: Array,
+    goal: Array, wanted: float, share: float, pushes: int, most_turn: float, deepest: float, apart: float,
+    yielding: Array, limited: bool, rotations_ls: Array, positions_ws: Array, rotations_ws: Array, centers: Array,
+    axes: Array, push: Array,
 ) -> float:  # fmt: skip
     """Take a limb a share of the way from its last place to its goal, pushed out of the body after every stride.
 
     Args:
         start, swivel: where it was (3, m; rad); ``goal``, ``wanted`` where it should be.
-        pushes: most pushes after a stride, each of at most ``deepest`` m and ``most_turn`` rad.
+        pushes: most pushes after a stride, each of at most ``deepest`` m and ``most_turn`` rad, to a gap of
+            ``apart`` m.
 
     Returns:
         The gap (m) that it ends with; the world arrays hold its pose.
@@ -278,15 +280,30 @@ def go(
             if gap >= 0.0 or n == pushes:
                 break
             push_limb(
-                rig, st, limb, push, min(deepest, TOUCH - gap), most_turn, positions_ws, rotations_ws
+                rig, st, limb, push, min(deepest, apart - gap), most_turn, positions_ws, rotations_ws
             )  # fmt: skip
     return gap
+
+
+@kernel_inline
+def is_fixed(st: State, under: Under, flags: Array, untouched: bool, limb: int) -> bool:
+    """Whether a limb stays as it is: planted legs, a motion's own legs, all of a motion that nobody touches."""
+    own = under.active[0] > 0.5 and flags[1 + limb] < 0.5
+    return (limb >= 2 and st.planted[limb - 2] > 0.5) or (own and (limb >= 2 or untouched))
+
+
+@kernel_inline
+def own_limits(st: State, under: Under, flags: Array, untouched: bool, out: Array) -> None:
+    """Which limbs (4,) keep their joints' ranges: 1 or 0; what a motion does with its own is its maker's."""
+    for limb in range(4):
+        keeps = flags[1 + limb] > 0.5 or under.active[0] < 0.5
+        out[limb] = 1.0 if keeps and not is_fixed(st, under, flags, untouched, limb) else 0.0
 
 
 @kernel
 def avoid(
     rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, untouched: bool, flags: Array,
-    swivels_before: Array, plain: Array, moved: Array, rotations_ls: Array, positions_ws: Array,
+    limits_kept: Array, swivels_before: Array, plain: Array, moved: Array, rotations_ls: Array, positions_ws: Array,
     rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
     """Move limbs out of the body and into their limits, in place.
@@ -297,6 +314,7 @@ def avoid(
     Args:
         untouched: nothing is held and everything is where its motion has it.
         flags: (5,) which points are driven.
+        limits_kept: (4,) which limbs keep their ranges (`own_limits`); the world arrays hold them so already.
         swivels_before: (4,) rad, of the last step.
         plain: (4,) rad, the swivels without what earlier contacts added.
         moved: (4,) m, how far each limb's goal has moved: what touches something slides about as fast.
@@ -307,7 +325,6 @@ def avoid(
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
     goal, start, at_start = np.empty(3), np.empty(3), np.empty(3)
     turn_before, change = np.empty(4), np.empty(4)
-    limits = contacts.limits
     driven = flags.max() > 0.5
     body = 0.0
     for k in range(3):
@@ -323,11 +340,8 @@ def avoid(
     for turn in range(4):
         limb = order[turn]
         row = limb + 1
-        fixed = limb >= 2 and st.planted[limb - 2] > 0.5
-        # A motion's own legs, and all of a motion that nobody touches, are as its maker wanted them.
         own = under.active[0] > 0.5 and flags[row] < 0.5
-        fixed = fixed or (own and (limb >= 2 or untouched))
-        if fixed:
+        if is_fixed(st, under, flags, untouched, limb):
             st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
             for k in range(3):
                 st.wishes[limb, k] = st.points[row, k]
@@ -341,7 +355,7 @@ def avoid(
                     mark_limb(rig, other, 0.0, yielding)
         else:
             yields(rig, st, flags, limb, yielding)
-        limited = flags[row] > 0.5 or under.active[0] < 0.5
+        limited = limits_kept[limb] > 0.5
         st.stuck[limb] = max(0.0, st.stuck[limb] - dt) if flags[row] < 0.5 else 0.0
         root = positions_ws[rig.limbs[limb, 0]]
         for k in range(3):
@@ -349,7 +363,6 @@ def avoid(
             # The last place, taken along with the shoulder or hip.
             start[k] = st.wishes[limb, k] + root[k] - st.roots[limb, k]
         wanted = st.swivels[limb]
-        place_limb(rig, st, under, limits, limb, limited, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
         way = distance(goal, start)
         nearing = NEAR if flags[row] < 0.5 and body > CARRIED else SOON * (moved[limb] / max(dt, 1e-9) + body)
@@ -366,10 +379,11 @@ def avoid(
                     st.wishes[limb, k] = st.points[row, k]
             continue
         st.mode[2] = 1.0
+        apart = TOUCH if flags[row] > 0.5 else LEAN
         # From the last place, where it was free unless the body moved.
         gap = go(
             rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, 0, 1.0, 1.0,
-            yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+            apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
         )  # fmt: skip
         gap_before = gap
         upper = rig.limbs[limb, 0]
@@ -385,7 +399,7 @@ def avoid(
         for _ in range(TRIES):
             gap = go(
                 rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, share, PUSHES, 0.2,
-                1.0, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+                1.0, apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
             )  # fmt: skip
             nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
             mul_inv(rotations_ws[upper], turn_before, change)
@@ -393,7 +407,8 @@ def avoid(
             slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt
             slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
             # A free limb's goal is always just ahead: after a while it may also slide past what is in its way.
-            rests = nearer < LEAST_PROGRESS * dt and (flags[row] > 0.5 or st.stuck[limb] < WAIT)
+            least = LEAST_PROGRESS if flags[row] > 0.5 else LEAST_FREE
+            rests = nearer < least * dt and (flags[row] > 0.5 or st.stuck[limb] < WAIT)
             done = gap >= least_gap and not rests and not slips
             if done:
                 break
@@ -409,8 +424,8 @@ def avoid(
             for n in range(GENTLER + 1):
                 go(
                     rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, pushes,
-                    most_turn, deepest, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes,
-                    push,
+                    most_turn, deepest, apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers,
+                    axes, push,
                 )  # fmt: skip
                 mul_inv(rotations_ws[upper], turn_before, change)
                 if pushes != 1 or angle(change) <= SLIDE_TURN * moved[limb] + CREEP_TURN * dt:

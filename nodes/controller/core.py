@@ -1,5 +1,7 @@
 """The controller without any process: targets, commands and motion in, poses out."""
 
+from math import ceil
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,8 +32,9 @@ Array = NDArray[np.float64]
 
 LONGEST = 1.0 / 55.0
 """s: longer steps are made of several."""
-CONTACT = 1.0 / 120.0
-"""s: the same while the body is pulled along or parts of it touch, or are about to."""
+SHORT = 1.0 / 120.0
+"""s: the same while anything is held or parts of the body touch, so that it goes the same way at every rate.
+(Over a motion, whose frames come at a rate of their own, only while parts touch.)"""
 MOST_TIME = 0.5
 """s that one step catches up at most (after a pause of the process)."""
 FADE_HALF_LIFE = 0.15
@@ -218,8 +221,9 @@ class Stack:
     def step(self, dt: float) -> None:
         """Advance by ``dt`` s; a long step is made of several, with held points going evenly to their targets."""
         dt = min(max(dt, 0.0), MOST_TIME)
-        # Where something touches or pulls, always at one rate, so that it goes the same way at every rate.
-        count = max(1, int(np.ceil(dt / (CONTACT if self.state.mode[2] > 0.5 else LONGEST) - 1e-6)))
+        alone = self.under.active[0] < 0.5
+        busy = self.state.mode[2] > 0.5 or (alone and self.held.flags.any())
+        count = max(1, ceil(dt / (SHORT if busy else LONGEST) - 1e-6))
         wanted, carried = self.held.points.copy(), np.zeros(3)
         for n in range(count):
             if self.under.active[0] > 0.5 and self.state.mode[1] > 0.5:

@@ -24,8 +24,8 @@ NEAR_ROOT = 0.5
 """Share of the upper bone from its root within which the place of a held elbow or knee counts less."""
 STUCK, DETOUR = 0.3, 3.0
 """s after which an arm that something stops goes round it, and how far out."""
-LANDED = 1.5e-3
-"""m above the ground where a foot that comes down stands."""
+TREAD = 1.5e-3
+"""m below the ground to where a foot comes down, so that it gets there before long."""
 
 
 @kernel
@@ -143,8 +143,11 @@ def move_ends(
             )  # fmt: skip
         elif st.planted[limb - 2] < 0.5 and st.step[PHASE] == IDLE:
             side = limb - 2
-            spring_to_into(st.points[row], st.velocities[row], goals[row], gains.landing_half_life, dt)
-            if st.points[row, 1] <= rig.ankle_heights[side] + LANDED:
+            for k in range(3):
+                aim[k] = goals[row, k]
+            aim[1] -= TREAD
+            spring_to_into(st.points[row], st.velocities[row], aim, gains.landing_half_life, dt)
+            if st.points[row, 1] <= rig.ankle_heights[side]:
                 st.points[row, 1] = rig.ankle_heights[side]
                 st.planted[side] = 1.0
                 for k in range(3):

@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.jit import kernel
+from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.pointpose import level_weight
 from bunraku.figure.quat import slerp
 from bunraku.figure.rig import Rig
@@ -30,7 +30,7 @@ def foot_yaw(st: State) -> float:
     return left + 0.5 * wrap(twist_of(st.feet[1]) - left)
 
 
-@kernel
+@kernel_inline
 def update_heading(gains: Gains, st: State, held: Held, under: Under, dt: float) -> None:
     """The figure's heading: the motion's, or toward the held one as far as hips and feet allow."""
     if under.active[0] > 0.5:
@@ -83,7 +83,7 @@ def seek_step(rig: Rig, gains: Gains, st: State, held: Held, over: bool, goals: 
     st.held[0] = 0.0
 
 
-@kernel
+@kernel_inline
 def turn_feet(rig: Rig, gains: Gains, st: State, under: Under, yaws: Array, dt: float) -> None:
     """How each foot stands and how much of that the ground decides; how much it supports."""
     over = under.active[0] > 0.5

@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.jit import kernel
+from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.quat import between, mul, mul_inv, rotate
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.blend import blend_point, blend_turn
@@ -42,7 +42,7 @@ def end_from_trunk(
         out[k] = end[k] + influence * (v[k] - arm[k] + pelvis_moved[k])
 
 
-@kernel
+@kernel_inline
 def sway_trunk(
     rig: Rig, gains: Gains, st: State, held: Held, flags: Array, aims_before: Array, positions_ws: Array
 ) -> None:
@@ -73,7 +73,7 @@ def sway_trunk(
     blend_turn(votes, weights, turn, st.turns[0])
 
 
-@kernel
+@kernel_inline
 def sway_hands(
     rig: Rig, gains: Gains, st: State, flags: Array, trunk_before: Array, pelvis_before: Array, arms: Array,
     positions_ws: Array,

@@ -5,10 +5,10 @@ from math import atan2
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.jit import kernel
+from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.limb import flexion_of
 from bunraku.figure.limits import Limits, clamp_joint
-from bunraku.figure.pointpose import keep_above_floor, reconstruct_limb
+from bunraku.figure.pointpose import keep_above_floor, reconstruct_into, reconstruct_limb
 from bunraku.figure.quat import between, exp, inv_mul, inv_rotate, mul, rotate, slerp
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.state import State, Under
@@ -16,7 +16,9 @@ from bunraku.nodes.controller.state import State, Under
 Array = NDArray[np.float64]
 
 SEEK_ROUNDS = 8
-"""Rounds in which shoulder or hip, and elbow or knee, come nearer to a point that the ranges hold off."""
+"""Most rounds in which shoulder or hip, and elbow or knee, come nearer to a point that the ranges hold off."""
+SETTLED = 1e-6
+"""Change of the upper bone's quaternion below which they end."""
 
 
 @kernel
@@ -43,7 +45,7 @@ def seek_within_limits(
     """
     upper, lower, tip = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
     target, axis, shin, knee, reach = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    turn, vector = np.empty(4), np.empty(3)
+    turn, vector, last = np.empty(4), np.empty(3), np.empty(4)
     for k in range(3):
         target[k] = end[k] - positions_ws[upper, k]
     inv_rotate(rotations_ws[rig.parents[upper]], target, target)
@@ -69,8 +71,15 @@ def seek_within_limits(
             reach[k] = rig.offsets[lower, k] + shin[k]
         rotate(rotations_ls[upper], reach, reach)
         between(reach, target, turn)
+        for k in range(4):
+            last[k] = rotations_ls[upper, k]
         mul(turn, rotations_ls[upper], rotations_ls[upper])
         clamp_joint(limits, upper, rotations_ls[upper])
+        changed = 0.0
+        for k in range(4):
+            changed += abs(rotations_ls[upper, k] - last[k])
+        if changed < SETTLED:
+            break
 
 
 @kernel
@@ -102,3 +111,43 @@ def place_limb(
         for k in range(3):
             positions_ws[joint, k] = positions_ws[parent, k] + v[k]
         mul(rotations_ws[parent], rotations_ls[joint], rotations_ws[joint])
+
+
+@kernel_inline
+def hang_free_hands(rig: Rig, st: State, free: Array, arms: Array, positions_ws: Array) -> float:
+    """Put free hands where their arms (2, 3, m) lead from the shoulders; how far (m, summed) they moved."""
+    moved = 0.0
+    for limb in range(2):
+        if free[1 + limb] < 0.5:
+            for k in range(3):
+                at = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
+                moved += abs(at - st.points[1 + limb, k])
+                st.points[1 + limb, k] = at
+    return moved
+
+
+@kernel
+def place_body(
+    rig: Rig, st: State, under: Under, limits: Limits, free: Array, arms: Array, limited: Array, rotations_ls: Array,
+    positions_ws: Array, rotations_ws: Array,
+) -> None:  # fmt: skip
+    """The full pose of the point pose (see `reconstruct_into`), limbs within their limits where that is asked.
+
+    Args:
+        free: (5,) below 0.5 for a point that is not driven; a free hand hangs on its shoulder by its row of
+            ``arms`` (2, 3, m), and its point is brought up to date.
+        limited: (4,) above 0.5 for a limb that keeps its joints' ranges.
+    """
+    hang_free_hands(rig, st, free, arms, positions_ws)
+    reconstruct_into(
+        rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
+        rotations_ws,
+    )  # fmt: skip
+    # (The shoulders may have moved from where the hands were hung on them.)
+    off = hang_free_hands(rig, st, free, arms, positions_ws) > 1e-9
+    for limb in range(4):
+        upper = rig.limbs[limb, 0]
+        keeps = limited[limb] > 0.5
+        again = off and limb < 2 and free[1 + limb] < 0.5
+        if again or (keeps and clamp_joint(limits, upper, rotations_ls[upper]) > 0.0):
+            place_limb(rig, st, under, limits, limb, keeps, rotations_ls, positions_ws, rotations_ws)

@@ -10,7 +10,7 @@ from math import acos, atan2, cos, exp, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.jit import kernel
+from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.limb import flexion_of
 from bunraku.figure.quat import between, log, mul, mul_inv, rotate
 from bunraku.figure.quat import exp as quat_exp
@@ -168,7 +168,7 @@ def take_away(velocity: Array, moved: Array, span: float) -> None:
             velocity[k] += share * moved[k] / span
 
 
-@kernel
+@kernel_inline
 def keep_head(st: State, under: Under) -> None:
     """Keep the head within what the neck can do."""
     q, v = np.empty(4), np.empty(3)

@@ -10,14 +10,14 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.jit import kernel
+from bunraku.figure.jit import bare, kernel, kernel_inline
 from bunraku.figure.mass import center_of_mass_into
 from bunraku.figure.pointpose import reconstruct_into
 from bunraku.figure.quat import log, mul_inv
 from bunraku.figure.rig import Rig, unpack_rig
 from bunraku.figure.spring import lag, spring_to_into
 from bunraku.nodes.controller.agreement import agree, hold_back, nothing_driven
-from bunraku.nodes.controller.collision import Contacts, avoid, unpack_contacts
+from bunraku.nodes.controller.collision import Contacts, avoid, own_limits, unpack_contacts
 from bunraku.nodes.controller.ends import move_ends
 from bunraku.nodes.controller.heading import seek_step, turn_feet, update_heading
 from bunraku.nodes.controller.hinges import turn_hinges
@@ -33,6 +33,7 @@ from bunraku.nodes.controller.over import (
     remember_ways,
     way_from_motion,
 )
+from bunraku.nodes.controller.placing import hang_free_hands, place_body
 from bunraku.nodes.controller.relaxing import (
     carry_turn,
     keep_head,
@@ -75,11 +76,12 @@ def advance_packed(
 ) -> int:  # fmt: skip
     """`advance` with every record packed into one or two arrays: handing over a hundred arrays takes longer
     than the step itself."""
+    joints = rotations_ls.shape[0]
     return advance(
-        unpack_rig(rig_ints, rig_floats), unpack_gains(gains), unpack_state(state), unpack_held(held),
-        unpack_under(under, rotations_ls.shape[0]),
-        unpack_contacts(contact_ints, contact_floats, rotations_ls.shape[0]), mass_share, dt, hull, center,
-        rotations_ls, positions_ws, rotations_ws,
+        unpack_rig(bare(rig_ints), bare(rig_floats)), unpack_gains(gains), unpack_state(bare(state)),
+        unpack_held(bare(held)), unpack_under(bare(under), joints),
+        unpack_contacts(bare(contact_ints), bare(contact_floats), joints), mass_share, dt, bare(hull), bare(center),
+        bare(rotations_ls), bare(positions_ws), bare(rotations_ws),
     )  # fmt: skip
 
 
@@ -99,6 +101,7 @@ def advance(
     arms, flags = np.zeros((2, 3)), np.zeros(5)
     relaxed_trunk, relaxed_pelvis, room = np.empty(4), np.empty(3), np.empty(2)
     swivels_before, plain, aims_before, moved = np.empty(4), np.empty(4), np.empty((5, 3)), np.empty(4)
+    limited = np.empty(4)
     if st.mode[0] < 0.5:
         start(rig, gains, st, held, under, goals, goal_turns, plain, rotations_ls, positions_ws, rotations_ws)
     ways, ways_turned, ways_before, turned_before = (
@@ -173,15 +176,12 @@ def advance(
         sway_hands(rig, gains, st, flags, trunk_before[0], carried[0], arms, positions_ws)
         hang_free_hands(rig, st, flags, arms, positions_ws)
     turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, before, plain, dt)
-    reconstruct_into(
-        rig, under.base, st.points, st.turns, st.swivels, st.feet, st.feet_level, rotations_ls, positions_ws,
-        rotations_ws,
-    )  # fmt: skip
-    hang_free_hands(rig, st, flags, arms, positions_ws)
+    own_limits(st, under, flags, untouched, limited)
+    place_body(rig, st, under, contacts.limits, flags, arms, limited, rotations_ls, positions_ws, rotations_ws)
     measure_ways(rig, gains, st, over, flags, aims_before, before, positions_ws, moved, dt)
     avoid(
-        rig, gains, st, under, contacts, untouched, flags, swivels_before, plain, moved, rotations_ls, positions_ws,
-        rotations_ws, dt,
+        rig, gains, st, under, contacts, untouched, flags, limited, swivels_before, plain, moved, rotations_ls,
+        positions_ws, rotations_ws, dt,
     )  # fmt: skip
     paces = np.empty(4)
     if over:
@@ -233,7 +233,7 @@ def shoulders_of(rig: Rig, positions_ws: Array, out: Array) -> None:
             out[limb, k] = positions_ws[rig.limbs[limb, 0], k]
 
 
-@kernel
+@kernel_inline
 def go_on_as_drawn(st: State, held: Held) -> None:
     """Where a part has just been let go, what it drew along goes on as it moved."""
     for n in range(7):
@@ -255,7 +255,7 @@ def change_base(st: State, under: Under, goals: Array, goal_turns: Array) -> Non
     st.goal_turns[:] = goal_turns
 
 
-@kernel
+@kernel_inline
 def move_turns(
     gains: Gains, st: State, held: Held, over: bool, goal_turns: Array, ways: Array, trunk_before: Array, dt: float
 ) -> None:
@@ -335,16 +335,7 @@ def foot_lands(st: State) -> bool:
     return False
 
 
-@kernel
-def hang_free_hands(rig: Rig, st: State, flags: Array, arms: Array, positions_ws: Array) -> None:
-    """Put free hands where their arms (2, 3, m) lead from the shoulders."""
-    for limb in range(2):
-        if flags[1 + limb] < 0.5:
-            for k in range(3):
-                st.points[1 + limb, k] = positions_ws[rig.limbs[limb, 0], k] + arms[limb, k]
-
-
-@kernel
+@kernel_inline
 def measure_ways(
     rig: Rig, gains: Gains, st: State, over: bool, flags: Array, aims_before: Array, before: Array,
     positions_ws: Array, moved: Array, dt: float,
@@ -370,7 +361,7 @@ def measure_ways(
             moved[limb] = max(moved[limb], st.hurry[limb] * dt)
 
 
-@kernel
+@kernel_inline
 def remember(
     rig: Rig, st: State, held: Held, flags: Array, before: Array, trunk_before: Array, pelvis_before: Array,
     relaxed_trunk: Array, relaxed_pelvis: Array, arms: Array, goals: Array, goal_turns: Array, positions_ws: Array,
