@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
-A = TypeVar("A")
 
 COMPILED = os.environ.get("BUNRAKU_JIT", "1") != "0" and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
@@ -43,6 +42,10 @@ def cache_folder(name: str = "motion") -> Path:
     return root / "bunraku" / "kernels" / f"{name}-{digest.hexdigest()[:16]}"
 
 
+bare: Any
+"""In a kernel: the same array as one that nobody owns. Its views are handed on without atomic reference counts, which
+cost more than the arithmetic of a small kernel. Only for arrays that the caller's caller keeps."""
+
 if COMPILED:
     import numba
     import numba.extending
@@ -63,11 +66,7 @@ if COMPILED:
         arrays costs more than what it does."""
         return _compiled(function, inline=True)
 
-    @numba.extending.intrinsic
-    def bare(typing: Any, array: Any) -> Any:
-        """The same array as one that nobody owns: its views are handed on without atomic reference counts, which
-        cost more than the arithmetic of a small kernel. Only for arrays that the caller's caller keeps."""
-
+    def _unowned(typing: Any, array: Any) -> Any:
         def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             seen = context.make_array(signature.args[0])(context, builder, arguments[0])
             seen.meminfo = seen.meminfo.type(None)
@@ -75,11 +74,14 @@ if COMPILED:
 
         return array(array), code
 
+    bare = numba.extending.intrinsic(_unowned)
+
 else:
 
-    def bare(array: A) -> A:
-        """The array as it is."""
+    def _itself(array: Any) -> Any:
         return array
+
+    bare = _itself
 
     def kernel(function: F) -> F:
         """Leave ``function`` as it is."""
