@@ -96,7 +96,7 @@ def soft_share(k: float) -> float:
 def clamp_joint(limits: Limits, joint: int, turn: Array) -> float:
     """Bring a ball joint's local rotation (4) into its range, in place, softly; how far it was moved (rad).
 
-    Hinges keep their range by how their limb is solved.
+    Hinges keep their range by how their limb is solved, or by `clamp_hinge`.
     """
     if limits.kinds[joint] != BALL:
         return 0.0
@@ -128,6 +128,27 @@ def clamp_joint(limits: Limits, joint: int, turn: Array) -> float:
     mul(swing, twist, swing)
     mul(swing, limits.centers[joint], turn)
     return float(size * (1.0 - share) + abs(angle - kept))
+
+
+@kernel
+def clamp_hinge(limits: Limits, joint: int, turn: Array) -> float:
+    """Bring a hinge's local rotation (4) into its range, in place; how far it was moved (rad).
+
+    What it is turned otherwise is kept.
+    """
+    swing, twist, v = np.empty(4), np.empty(4), np.empty(3)
+    _split(limits, joint, turn, swing, twist)
+    log(twist, v)
+    angle = v[0] * limits.axes[joint, 0, 0] + v[1] * limits.axes[joint, 0, 1] + v[2] * limits.axes[joint, 0, 2]
+    kept = min(max(angle, limits.ranges[joint, 0, 0]), limits.ranges[joint, 0, 1])
+    if kept == angle:
+        return 0.0
+    for n in range(3):
+        v[n] = kept * limits.axes[joint, 0, n]
+    quat_exp(v, twist)
+    mul(swing, twist, swing)
+    mul(swing, limits.centers[joint], turn)
+    return float(abs(angle - kept))
 
 
 @kernel

@@ -18,21 +18,13 @@ from numpy.typing import NDArray
 from bunraku.figure.fk import fk_into
 from bunraku.figure.jit import kernel
 from bunraku.figure.limb import flexed_distance, flexion_of, soft_reach
+from bunraku.figure.limits import limits_of
 from bunraku.figure.quat import between, log, mul, mul_inv, rotate, slerp
 from bunraku.figure.quat import exp as quat_exp
 from bunraku.figure.skeleton import Index, Skeleton
 from bunraku.figure.spring import LN2, spring_decay_into
-from bunraku.motion.footprint import (
-    Feet,
-    lay_toes,
-    planted,
-    print_under,
-    roll_of,
-    soft_part,
-    sole_depth,
-    wrap,
-    yaw_pitch,
-)
+from bunraku.motion.ankle import lay_toes, lift_out, pitch_ankle, roll_ankle
+from bunraku.motion.footprint import Feet, planted, print_under, roll_of, soft_part, wrap, yaw_pitch
 from bunraku.motion.ground import sole_of
 from bunraku.motion.leg import move_leg
 
@@ -42,6 +34,8 @@ FREE_REACH, SOFT_FROM = 0.9985, 0.975
 """Shares of a leg: how straight any leg may be, and from where on a free one gets there softly."""
 STRAIGHT = 0.07
 """rad: what a knee's bend is told from; less than any leg's within `FREE_REACH`."""
+ROLLS = 4
+"""Rounds in which a foot is rolled until its ankle is within its range."""
 EASE = 0.15
 """s after a foot came down in which its leg comes under the reach of a locked one."""
 
@@ -87,6 +81,7 @@ class FeetState(NamedTuple):
     pitch: Array  # (2,) rad, of the blended foot
     start: Array  # (2, 7) where a settling step began
     straight: Array  # (2,) share of its reach that a leg had when its foot came down
+    tips: Array  # (2, 2) rad and rad/s, by which the toes are bent up more to be out of the ground
     grip: Array  # (2,) 0..1, how much the toes are flat on the ground
     ground: Array  # (2, 2) m, ground height under the free feet and its speed
     drop: Array  # (3,) m, how far the pelvis is lowered; m/s; whether the state holds a frame yet
@@ -109,7 +104,9 @@ def feet_of(skeleton: Skeleton, limits: LockLimits = LIMITS) -> Feet:
     row = [limits.release, limits.touch, limits.tear * size, limits.settle * size, limits.settle_turn,
            limits.settle_time, limits.settle_lift * size, limits.reach, limits.rise, limits.ground,
            limits.sink * size, limits.graze * size]  # fmt: skip
-    return Feet(joints, lengths, soles, np.array(row), tips)
+    bends = limits_of(skeleton).ranges[joints[0, 2], 1:]
+    ankle = np.array([bends[0, 0], bends[0, 1], min(-bends[1, 0], bends[1, 1])])
+    return Feet(joints, lengths, soles, np.array(row), tips, ankle)
 
 
 def feet_state() -> FeetState:
@@ -118,8 +115,8 @@ def feet_state() -> FeetState:
     return FeetState(
         mode=np.zeros(2, dtype=np.int64), clock=np.zeros((2, 2)), prints=np.zeros((2, 5)), offset=np.zeros((2, 3)),
         velocity=np.zeros((2, 3)), swing=np.zeros((2, 7)), swing_speed=np.zeros((2, 7)), ankle=still.copy(),
-        pitch=np.zeros(2), start=still.copy(), straight=np.zeros(2), grip=np.zeros(2), ground=np.zeros((2, 2)),
-        drop=np.zeros(3),
+        pitch=np.zeros(2), start=still.copy(), straight=np.zeros(2), tips=np.zeros((2, 2)), grip=np.zeros(2),
+        ground=np.zeros((2, 2)), drop=np.zeros(3),
     )  # fmt: skip
 
 
@@ -153,6 +150,7 @@ def stand_or_leave(
             goal[k] = state.start[side, k] + s * (position[k] - state.start[side, k])
         goal[1] += limits[6] * sin(pi * t) * sin(pi * t)
         slerp(state.start[side, 3:7], turn, s, goal_turn)
+        lift_out(feet, side, goal_turn, state.ground[side, 0], goal)
         if t >= 1.0:
             state.mode[side] = FREE
         return
@@ -240,13 +238,15 @@ def swing_out(
         goal[k] = positions_ws[hip, k] + axis[k] * far / d
     quat_exp(state.swing[side, 4:7], q)
     mul(q, turn, goal_turn)
-    # Not into the ground.
-    depth = sole_depth(feet, side, goal, goal_turn, state.ground[side, 0])
-    graze = feet.limits[11]
-    if depth > 0.0:
-        goal[1] += depth * depth / (2.0 * graze) if depth < graze else depth - 0.5 * graze
-    move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goal, goal_turn, upper, lower,
-             FREE_REACH * (upper + lower))  # fmt: skip
+    # Not into the ground, nor beyond the range of the ankle.
+    level = goal[1]
+    for _ in range(ROLLS):
+        goal[1] = level
+        lift_out(feet, side, goal_turn, state.ground[side, 0], goal)
+        move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goal, goal_turn, upper, lower,
+                 FREE_REACH * (upper + lower))  # fmt: skip
+        if not pitch_ankle(feet, rotations_ls[foot], goal_turn):
+            break
 
 
 @kernel
@@ -376,8 +376,14 @@ def plant_into(
         move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, ankle[0:3], turn[side], upper,
                  lower, FREE_REACH * full)  # fmt: skip
         if state.mode[side] == LOCKED or state.mode[side] == SETTLING:
-            over = move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goals[side],
-                            turns[side], upper, lower, most[side])  # fmt: skip
+            over = 0.0
+            for _ in range(ROLLS):
+                over = move_leg(parents, feet.joints[side], positions_ws, rotations_ws, rotations_ls, goals[side],
+                                turns[side], upper, lower, most[side])  # fmt: skip
+                if state.mode[side] != LOCKED or not roll_ankle(
+                    feet, side, state.prints[side], state.offset[side], rotations_ls[foot], goals[side], turns[side]
+                ):
+                    break
             if state.mode[side] == LOCKED:
                 beyond = max(beyond, over)
             note_swing(feet, state, rotations_ws[0], side, positions_ws[hip], ankle[0:3], turn[side],
@@ -410,8 +416,8 @@ def plant_into(
         state.grip[side] += (1.0 - exp(-LN2 * dt / 0.04)) * ((1.0 if locked else 0.0) - state.grip[side])
         toes = feet.joints[side, 3]
         if toes >= 0:
-            lay_toes(feet, side, state.prints[side, 4], state.grip[side], state.ground[side, 0], active, offsets[toes],
-                     positions_ws, rotations_ws, rotations_ls)  # fmt: skip
+            lay_toes(feet, side, state.prints[side, 4], state.grip[side], state.ground[side, 0], active and not locked,
+                     offsets[toes], state.tips[side], positions_ws, rotations_ws, rotations_ls, dt)  # fmt: skip
         contact[side] = 1.0 if locked else 0.0
     state.drop[2] = 1.0
     return beyond

@@ -1,21 +1,16 @@
 """A foot on its print: how it rolls over heel and ball, and where the print of a foot is that has just come down."""
 
-from math import asin, atan2, cos, pi, sin, sqrt
+from math import asin, atan2, cos, pi, sin
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
-from bunraku.figure.quat import from_axis_angle, inv_mul, log, mul, rotate, slerp
+from bunraku.figure.quat import from_axis_angle, inv_mul, log, mul, rotate
 from bunraku.figure.skeleton import Index
 
 Array = NDArray[np.float64]
-
-MOST_BENT = 1.2
-"""rad that toes are bent up to keep out of the ground"""
-TOE_NEAR = 0.07
-"""m over the ground from where on they are"""
 
 
 class Feet(NamedTuple):
@@ -26,6 +21,7 @@ class Feet(NamedTuple):
     soles: Array  # (2, 3) m: ankle height, heel, ball
     limits: Array  # (12,) LockLimits, lengths scaled
     tips: Array  # (2, 2) m from the toe joint: down to the sole, ahead to the tip of the toes
+    ankle: Array  # (3,) rad: least (dorsal) and most (plantar) of an ankle's bend, and how far it goes aside
 
 
 @kernel
@@ -120,40 +116,3 @@ def sole_depth(feet: Feet, side: int, ankle: Array, turn: Array, height: float) 
         rotate(turn, sole, sole)
         deepest = max(deepest, height - ankle[1] - sole[1])
     return deepest
-
-
-@kernel
-def lay_toes(
-    feet: Feet, side: int, slope: float, grip: float, height: float, clear: bool, offset: Array, positions_ws: Array,
-    rotations_ws: Array, rotations_ls: Array,
-) -> None:  # fmt: skip
-    """Bring a foot's toes after it, in place: flat on the ground under a foot that is held, out of it otherwise.
-
-    Args:
-        slope: rad, of the print. grip: 0..1, how far the foot is held. height: m, of the ground.
-        clear: keep the tip of free toes out of the ground. offset: (3) m, of the toe joint.
-        positions_ws, rotations_ws, rotations_ls: of all joints.
-    """
-    foot, toes = feet.joints[side, 2], feet.joints[side, 3]
-    angles, turn, tip = np.empty(2), np.empty(4), np.empty(3)
-    if grip > 1e-3:
-        yaw_pitch(rotations_ws[foot], angles)
-        from_axis_angle(1.0, 0.0, 0.0, -min(max(-(angles[1] - slope), 0.0), 1.0), turn)
-        slerp(rotations_ls[toes], turn, grip, rotations_ls[toes])
-    mul(rotations_ws[foot], rotations_ls[toes], rotations_ws[toes])
-    rotate(rotations_ws[foot], offset, tip)
-    for k in range(3):
-        positions_ws[toes, k] = positions_ws[foot, k] + tip[k]
-    if not clear:
-        return
-    down, ahead = feet.tips[side, 0], feet.tips[side, 1]
-    far = sqrt(down * down + ahead * ahead)
-    tip[0], tip[1], tip[2] = 0.0, -down, ahead
-    rotate(rotations_ws[toes], tip, tip)
-    depth = height - positions_ws[toes, 1] - tip[1]
-    if depth > -TOE_NEAR:
-        now = asin(min(1.0, max(-1.0, tip[1] / far)))
-        up = asin(min(1.0, max(-1.0, (tip[1] + soft_part(depth, TOE_NEAR)) / far))) - now
-        from_axis_angle(1.0, 0.0, 0.0, -(1.0 - grip) * min(up, MOST_BENT), turn)
-        mul(rotations_ls[toes], turn, rotations_ls[toes])
-        mul(rotations_ws[foot], rotations_ls[toes], rotations_ws[toes])

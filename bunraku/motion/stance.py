@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bunraku.figure.limits import clamp_hinge, limits_of
 from bunraku.figure.quat import from_axis_angle, mul, rotate
+from bunraku.figure.rig import rig_of
 from bunraku.figure.skeleton import Skeleton
 from bunraku.figure.spring import spring_to_into
 from bunraku.motion.constraint import Ground
@@ -42,6 +44,8 @@ class Stance:
         self.root, self.rotations, self.contacts = np.zeros(3), np.zeros((joints, 4)), np.zeros(2)
         self.beyond = 0.0
         """How far a locked foot was beyond its leg's reach, m."""
+        self._limits, rig = limits_of(skeleton), rig_of(skeleton)
+        self._elbows = [int(joint) for joint in rig.limbs[:2, 1]]
         self._offsets, self._parents = np.array(skeleton.offsets), np.array(skeleton.parents)
         self._positions, self._turns = np.zeros((joints, 3)), np.zeros((joints, 4))
         self._yaw, self._heights, self._toward = np.zeros(4), np.zeros(3), np.zeros(3)
@@ -66,6 +70,8 @@ class Stance:
         spot = at.after(float(root[0]), float(root[2]), 0.0)
         self.root[0], self.root[2] = spot.x, spot.z
         self.rotations[:] = rotations
+        for elbow in self._elbows:  # passing from one motion to another may carry them beyond straight
+            clamp_hinge(self._limits, elbow, self.rotations[elbow])
         from_axis_angle(0.0, 1.0, 0.0, at.heading, self._yaw)
         mul(self._yaw, self.rotations[0], self.rotations[0])
         if self.ground is not None:

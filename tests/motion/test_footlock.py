@@ -5,7 +5,10 @@ from hypothesis import strategies as st
 
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
+from bunraku.figure.limits import limit_excess
+from bunraku.figure.metrics import floor_penetration, self_penetration
 from bunraku.motion import rotation as rot
+from bunraku.motion.clip import Clip
 from bunraku.motion.constraint import path_of
 from bunraku.motion.footlock import FREE, LOCKED, feet_of
 from bunraku.motion.footprint import planted, print_under, roll_of, soft_part, sole_depth, yaw_pitch
@@ -289,3 +292,44 @@ def test_a_jump_takes_off_with_knees_that_stretch_smoothly(height):
         turns.append(player.rotations.copy())
     sources = max(_velocity_steps(e.clip.rotations).max() for e in motion_set.module("jump_up").examples)
     assert _velocity_steps(turns).max() < sources
+
+
+def _played(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (F, 3) and rotations (F, J, 4) of a figure that walks, runs, ducks and stops, turns or jumps."""
+    player = Player(builtin_set())
+    if kind.startswith("turn"):
+        player.move("turn_left", [2.0])
+    elif kind.startswith("jump"):
+        player.move(kind, {"jump_back": [np.pi, 0.5], "jump_left": [1.6, 0.6], "jump_up": [0.4]}[kind])
+    else:
+        speed, duck = {"walk": (1.3, 0.0), "run": (2.8, 0.0), "duck": (1.2, 0.8)}[kind]
+        points = np.array([[0.3 * np.sin(z), z] for z in np.arange(0.0, 4.0, 0.05)])
+        postures = np.tile([0.0, 0.0, duck], (len(points), 1))
+        postures[50:] = 0.0
+        player.follow(path_of(points, speeds=np.full(len(points), speed), postures=postures))
+    roots, turns = [], []
+    for _ in range(600):
+        player.update(1 / 60)
+        roots.append(player.root.copy())
+        turns.append(player.rotations.copy())
+        if player.free and len(turns) > 60:
+            break
+    for _ in range(40):
+        player.update(1 / 60)
+        roots.append(player.root.copy())
+        turns.append(player.rotations.copy())
+    return np.array(roots), np.array(turns)
+
+
+@pytest.mark.parametrize("kind", ["walk", "run", "duck", "turn", "jump_back", "jump_left", "jump_up"])
+def test_what_is_played_keeps_joints_in_their_ranges_and_boxes_out_of_the_floor_and_each_other(kind):
+    figure = default_figure()
+    clip = Clip(kind, figure, 60.0, *_played(kind))
+    excess = np.degrees(limit_excess(figure, clip.rotations)).max(axis=0)
+    if kind == "run":  # one that stops at once trails a planted leg
+        thighs = [figure.role(side + "UpperLeg") for side in ("left", "right")]
+        assert excess[thighs].max() < 15.0
+        excess[thighs] = 0.0
+    assert excess.max() < 1.0, figure.names[int(excess.argmax())]
+    assert floor_penetration(figure, *clip.world).max() < 0.015
+    assert self_penetration(figure, *clip.world).max() < 0.04
