@@ -18,6 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.default import default_figure
+from bunraku.figure.metrics import (
+    floor_penetration,
+    foot_drift,
+    joint_velocities,
+    limit_violation,
+    path_error,
+    self_penetration,
+)
 from bunraku.figure.quat import from_axis_angle, mul
 from bunraku.motion import rotation as rot
 from bunraku.motion.blend import pose_into, speeds_into, way_into
@@ -46,6 +54,7 @@ UNITS = {
     "height": "m",
 }
 DRIFT, BEYOND = "drift of a locked foot, largest", "a locked foot beyond its leg's reach, largest"
+BOUNDS = (("boxes in each other", "mm"), ("boxes in the floor", "mm"), ("beyond a joint's range", "°"))
 DEGREES = ("turn", "tilt", "bend", "angle")
 
 
@@ -161,16 +170,26 @@ def drift(player: Player, clip: Clip, frames: Sequence[tuple[Array, ...]]) -> fl
         edges = np.flatnonzero(np.diff(np.concatenate([[0], locked.astype(int), [0]])))
         for first, last in zip(edges[::2], edges[1::2], strict=True):
             for point, bears in zip(points, (pitch > -1e-3, pitch < 1e-3), strict=True):
-                span = point[first:last][bears[first:last]][:, [0, 2]]
+                span = (point * [1.0, 0.0, 1.0])[first:last][bears[first:last]]
                 if len(span) > 1:
-                    worst = max(worst, float(np.linalg.norm(span - span[0], axis=1).max()))
+                    worst = max(worst, foot_drift(span[:, None], np.ones((len(span), 1), np.bool_)))
     return worst
 
 
 def velocity_steps(clip: Clip) -> Array:
     """(F - 2, J) degrees/s by which each joint's velocity changes from one frame to the next."""
-    turn = rot.log(rot.mul(clip.rotations[1:], rot.inverse(clip.rotations[:-1]))) * clip.fps
-    return np.degrees(np.linalg.norm(np.diff(turn, axis=0), axis=-1))
+    steps = np.diff(joint_velocities(clip.rotations, 1.0 / clip.fps), axis=0)
+    return np.asarray(np.degrees(np.linalg.norm(steps, axis=-1)), dtype=np.float64)
+
+
+def bounds(clip: Clip) -> tuple[float, float, float]:
+    """The largest overlap of two boxes and depth of one in the floor, m, and excess over a joint's range, degrees."""
+    places, turns = clip.world
+    return (
+        float(self_penetration(clip.skeleton, places, turns).max()),
+        float(floor_penetration(clip.skeleton, places, turns).max()),
+        float(np.degrees(limit_violation(clip.skeleton, clip.rotations).max())),
+    )
 
 
 def walked_path(seed: int) -> Array:
@@ -181,14 +200,6 @@ def walked_path(seed: int) -> Array:
     heading = np.concatenate([np.zeros(10), steps - steps[0]])
     way = np.cumsum(0.05 * np.stack([np.sin(heading), np.cos(heading)], -1), axis=0)
     return np.vstack([[0.0, 0.0], way]) + random.normal(0.0, 0.001, (len(way) + 1, 2))
-
-
-def along(points: Array, line: Array) -> Array:
-    """(n,) distance of points (n, 2) to a polyline."""
-    a, b = line[:-1], line[1:]
-    d = b - a
-    t = np.clip(((points[:, None] - a) * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-12), 0.0, 1.0)
-    return np.linalg.norm(points[:, None] - (a + t[..., None] * d), axis=-1).min(axis=1)
 
 
 def after_constraints(motion_set: MotionSet, transition: Transition, count: int = 8) -> dict[str, float]:
@@ -202,6 +213,7 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
     found = {DRIFT: 0.0, BEYOND: 0.0}
     switch_steps: list[float] = []
     all_steps: list[float] = []
+    beyond: list[tuple[float, float, float]] = []
     for seed in range(count):
         player = Player(motion_set, transition=transition)
         frames: list[tuple[Array, ...]] = []
@@ -225,7 +237,7 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
                     apart.append(float(aside) - expected)
         arrived = len(frames)
         here = np.array([frame[4][:2] for frame in frames[begin:]])
-        errors.extend(along(here, drawn).tolist())
+        errors.extend(path_error(here, drawn).tolist())
         ends.append(float(np.hypot(*(here[-1] - drawn[-1]))))
         play(player, 1.5, frames, until_free=False)
         clip = recorded(player, frames)
@@ -233,6 +245,7 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
         found[BEYOND] = max(found[BEYOND], max(float(frame[5][0]) for frame in frames))
         steps = velocity_steps(clip)
         all_steps.append(float(steps.max()))
+        beyond.append(bounds(clip))
         for at in (begin, arrived):
             switch_steps.append(float(steps[max(at - 2, 0) : at + 6].max()))
     moves: list[float] = []
@@ -262,9 +275,15 @@ def after_constraints(motion_set: MotionSet, transition: Transition, count: int 
             found[BEYOND] = max(found[BEYOND], max(float(frame[5][0]) for frame in frames))
             steps = velocity_steps(clip)
             all_steps.append(float(steps.max()))
+            beyond.append(bounds(clip))
             for at in (begin, arrived):
                 switch_steps.append(float(steps[max(at - 2, 0) : at + 6].max()))
     sources = [float(velocity_steps(e.clip).max()) for m in motion_set.modules.values() for e in m.examples]
+    own = [bounds(e.clip) for m in motion_set.modules.values() for e in m.examples]
+    for k, (name, _) in enumerate(BOUNDS):
+        for word, rows in (("", beyond), (", in sources", own)):
+            found[f"{name}{word}, largest"] = max(row[k] for row in rows)
+            found[f"{name}{word}, median of the largest"] = float(np.median([row[k] for row in rows]))
     found |= {
         "path, rms": float(np.sqrt(np.mean(np.square(errors)))),
         "path, largest": float(np.max(errors)),
@@ -355,7 +374,7 @@ def report(sets: list[MotionSet], count: int) -> None:
     print(f"| measure |{''.join(f' {name}, {words[kind]} |' for name, kind in after)}")
     print(f"|---|{'---|' * len(after)}")
     for key in next(iter(after.values())):
-        unit, scale = ("°/s", 1.0) if "velocity" in key else ("mm", 1000.0)
+        unit, scale = ("°/s", 1.0) if "velocity" in key else ("°", 1.0) if "range" in key else ("mm", 1000.0)
         print(f"| {key} |{''.join(f' {row[key] * scale:.1f} {unit} |' for row in after.values())}")
 
 

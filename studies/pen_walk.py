@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from blending import along, drift, recorded, velocity_steps
+from blending import drift, recorded, velocity_steps
 from numpy.typing import NDArray
 
+from bunraku.figure.metrics import path_error
 from bunraku.msgs import Jump, Locomotion, Pad, Pen, Step
 from bunraku.nodes.blender.node import Blender
 from bunraku.nodes.interpreter.node import Interpreter
@@ -146,7 +147,7 @@ def free_walk(seconds: float, size: tuple[float, float], seed: int) -> Quality:
     line = np.array(ground[::6]) * np.array([-1.0, 1.0])
     clip = recorded(player, stage.frames)
     here = np.array([one[4][:2] for one in stage.frames])
-    off = along(here, line)
+    off = path_error(here, line)
     steps = velocity_steps(clip)
     going = np.hypot(*(here - here[-1]).T) > 0.02
     arrived = float(max(one[5][1] for one, on in zip(stage.frames, going, strict=True) if on))

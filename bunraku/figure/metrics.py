@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.boxes import collision_pairs, deepest_overlap_batch_into
-from bunraku.figure.limits import limit_excess
+from bunraku.figure.limits import limits_of, worst_excess
 from bunraku.figure.mass import center_of_mass_into
 from bunraku.figure.rig import rig_of
 from bunraku.figure.skeleton import Skeleton
@@ -97,7 +97,8 @@ def balance_margin(skeleton: Skeleton, positions: Array, orientations: Array, pl
 
 def limit_violation(skeleton: Skeleton, rotations: Array) -> Array:
     """The largest excess (F) rad over a joint's range of motion."""
-    return np.asarray(limit_excess(skeleton, rotations).max(axis=-1))
+    limits = limits_of(skeleton)
+    return np.array([worst_excess(limits, pose) for pose in np.ascontiguousarray(rotations, dtype=np.float64)])
 
 
 def joint_speeds(rotations: Array, dt: float) -> Array:

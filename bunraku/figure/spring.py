@@ -49,20 +49,3 @@ def spring_to_into(x: Array, velocity: Array, goal: Array, half_life: float, dt:
 def lag(half_life: float, dt: float) -> float:
     """The share of the way that a first-order lag of the given half-life goes in ``dt`` (0..1)."""
     return 1.0 - exp(-LN2 * dt / max(half_life, 1e-5))
-
-
-@kernel
-def eased_approach(distance: float, speed: float, time_constant: float, dt: float) -> float:
-    """How far a thing ``distance`` away comes in ``dt`` at ``min(speed, distance / time_constant)``.
-
-    The exact solution: at full speed first, then exponentially; never past the goal.
-    """
-    if distance <= 0.0 or dt <= 0.0 or speed <= 0.0:
-        return 0.0
-    knee = speed * time_constant
-    if distance > knee:
-        t = (distance - knee) / speed
-        if dt <= t:
-            return speed * dt
-        return distance - knee * exp(-(dt - t) / max(time_constant, 1e-9))
-    return distance * (1.0 - exp(-dt / max(time_constant, 1e-9)))

@@ -232,6 +232,7 @@ def _canonical(walks: list[Found], found: dict[str, list[Found]]) -> list[Piece]
     straight = [w for w in straight if abs(w.values[1]) < STRAIGHT]
 
     def take(name: str, f: Found | None, march: float = 0.0) -> None:
+        """Add what was found as the canonical clip ``name``; ``march`` rad that its thighs are raised more."""
         if f is not None:
             out.append(replace(f.piece, module="canonical", name=name, march=march))
 

@@ -130,27 +130,6 @@ def between(a: ArrayLike, b: ArrayLike) -> Array:
     return normalized(q)
 
 
-def from_matrix(m: ArrayLike) -> Array:
-    """(..., 4) quaternions of rotation matrices (..., 3, 3)."""
-    r = np.asarray(m, dtype=np.float64)
-    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
-    # Four forms, each exact where its leading term is large; the largest is taken.
-    four = np.stack([xx - yy - zz, yy - xx - zz, zz - xx - yy, xx + yy + zz], axis=-1)
-    xy, xz, yz = r[..., 0, 1] + r[..., 1, 0], r[..., 0, 2] + r[..., 2, 0], r[..., 1, 2] + r[..., 2, 1]
-    dx, dy, dz = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
-    forms = np.stack(
-        [
-            np.stack([1.0 + four[..., 0], xy, xz, dx], -1),
-            np.stack([xy, 1.0 + four[..., 1], yz, dy], -1),
-            np.stack([xz, yz, 1.0 + four[..., 2], dz], -1),
-            np.stack([dx, dy, dz, 1.0 + four[..., 3]], -1),
-        ],
-        axis=-2,
-    )
-    best = np.argmax(four, axis=-1)
-    return normalized(np.take_along_axis(forms, best[..., None, None], axis=-2)[..., 0, :])
-
-
 def from_euler(order: str, angles: Array) -> Array:
     """(..., 4) of angles (..., n; rad) about the axes named in ``order``: R = R1 R2 R3, as BVH lists channels."""
     q = np.zeros((*angles.shape[:-1], 4))

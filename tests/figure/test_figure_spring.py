@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bunraku.figure.spring import decay_rate, eased_approach, lag, spring_decay_into, spring_to_into
+from bunraku.figure.spring import decay_rate, lag, spring_decay_into, spring_to_into
 
 
 @settings(deadline=None)
@@ -42,18 +42,3 @@ def test_spring_to_a_goal_is_decay_of_the_difference() -> None:
 def test_lag_goes_half_way_in_a_half_life() -> None:
     assert lag(0.1, 0.1) == pytest.approx(0.5)
     assert lag(0.1, 0.0) == 0.0
-
-
-@settings(deadline=None)
-@given(st.floats(0, 3), st.floats(0.1, 2), st.floats(0.05, 0.5), st.floats(0, 1), st.floats(0, 1))
-def test_eased_approach_composes_and_never_passes_the_goal(
-    distance: float, speed: float, time: float, a: float, b: float
-) -> None:
-    whole = eased_approach(distance, speed, time, a + b)
-    first = eased_approach(distance, speed, time, a)
-    assert first + eased_approach(distance - first, speed, time, b) == pytest.approx(whole, abs=1e-9)
-    assert 0.0 <= whole <= distance + 1e-12
-
-
-def test_eased_approach_goes_at_full_speed_while_far() -> None:
-    assert eased_approach(2.0, 0.5, 0.2, 1.0) == pytest.approx(0.5)
