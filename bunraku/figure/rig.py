@@ -28,6 +28,8 @@ TRUNK, HEAD = range(2)
 LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(4)
 """Rows of everything that is kept by limb; limb + 1 is the row of its end among the positions."""
 
+DEEPEST_CROUCH = 0.55
+"""Shortest hip to ankle, with the foot on the ground, as a share of the leg."""
 PELVIS_BACK_RATIO = 0.5
 """The pelvis's share of the trunk's swing (Oshita 2013 eq. 2)."""
 ARM_SOFTEN, LEG_SOFTEN = 0.97, 0.992

@@ -110,7 +110,8 @@ def agree(
             hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
     if not over:
         keep_pelvis_over_feet(
-            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping, True
+            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping,
+            not stepping,
         )  # fmt: skip
     round_ = 0
     while round_ < ROUNDS + LAST_ROUNDS:
@@ -216,7 +217,7 @@ def agree(
                 turned += 2.0 * abs(st.turns[0, k] - turn[k])
         keep_pelvis_over_feet(
             rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
-            not stepping and not over, not over,
+            not stepping and not over, not over and not stepping,
         )  # fmt: skip
         if over and pelvis_free:
             keep_near(under.points[0], farthest, st.points[0])

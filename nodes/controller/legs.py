@@ -9,6 +9,20 @@ from bunraku.figure.jit import kernel
 from bunraku.figure.quat import rotate
 from bunraku.figure.rig import PELVIS_BACK_RATIO, Rig
 from bunraku.nodes.controller.state import ANKLE_BEND, TRUNK_LEAN
+from bunraku.nodes.controller.step import (
+    DURATION,
+    FIRST,
+    FROM,
+    HEADING,
+    LEFT,
+    PHASE,
+    PREPARE,
+    RIGHT,
+    SWING_FIRST,
+    TIME,
+    TO,
+    minimum_jerk,
+)
 
 Array = NDArray[np.float64]
 
@@ -23,6 +37,8 @@ NEAR_BOTH, BESIDE, NEAR_ONE = 0.17, 0.03, 0.20
 """m: how far the pelvis gets from the line between both feet, past its ends, or from the one that stands."""
 CALM_KNEE = 0.90
 """rad/s: the fastest that a knee turns by relaxing."""
+RISE_TO_STEP = 1.2
+"""m/s at which a step brings a low pelvis up at most beyond its course."""
 LOWEST_PELVIS = 0.25
 """m above the floor."""
 
@@ -89,6 +105,53 @@ def keep_pelvis_over_feet(
         if worst < 1e-6:
             break
     pelvis[1] = max(pelvis[1], LOWEST_PELVIS)
+
+
+@kernel
+def least_hip_height(upper: float, lower: float, ahead: float) -> float:
+    """How high a hip must be over its ankle (m) so that the shin leans no farther than an ankle bends.
+
+    ``ahead`` is how far the hip is in front of the ankle (m); 0 where no height is too low.
+    """
+    out = ahead - lower * sin(ANKLE)
+    if abs(out) >= upper:
+        return 0.0
+    return float(lower * cos(ANKLE) + sqrt(upper * upper - out * out))
+
+
+@kernel
+def rise_to_step(
+    rig: Rig, step: Array, pelvis: Array, hips: Array, points: Array, planted: Array, yaws: Array, most: float
+) -> None:
+    """Bring a low pelvis (3, m, in place) up in time for where a step takes it: no ankle bends too far there.
+
+    A planted foot that is left behind, and one that comes down behind, ask for a higher hip than one below it.
+
+    Args:
+        hips: (2, 3) m from the pelvis to each hip joint; points: (5, 3) m; yaws: (2,) rad of the feet.
+        most: m by which it rises at most beyond what the course of the step says.
+    """
+    first = int(step[FIRST])
+    moving = -1
+    if step[PHASE] != PREPARE:
+        moving = first if step[PHASE] == SWING_FIRST else 1 - first
+    then, now = 0.0, 0.0
+    for side in range(2):
+        upper, lower = rig.lengths[2 + side, 0], rig.lengths[2 + side, 1]
+        goal = LEFT if side == 0 else RIGHT
+        x, z, yaw = points[3 + side, 0], points[3 + side, 2], yaws[side]
+        if side == moving:
+            x, z, yaw = step[goal], step[goal + 2], step[HEADING]
+        fx, fz = sin(yaw), cos(yaw)
+        up = rig.ankle_heights[side] - hips[side, 1]
+        ahead = (step[TO] + hips[side, 0] - x) * fx + (step[TO + 2] + hips[side, 2] - z) * fz
+        then = max(then, up + least_hip_height(upper, lower, ahead))
+        if planted[side] > 0.5:
+            ahead = (pelvis[0] + hips[side, 0] - x) * fx + (pelvis[2] + hips[side, 2] - z) * fz
+            now = max(now, up + least_hip_height(upper, lower, ahead))
+    s = minimum_jerk(step[TIME] / max(step[DURATION], 1e-9))
+    pelvis[1] = max(pelvis[1], step[FROM + 1] + s * (then - step[FROM + 1]) if then > step[FROM + 1] else 0.0)
+    pelvis[1] = max(pelvis[1], min(now, pelvis[1] + most))
 
 
 @kernel

@@ -42,7 +42,9 @@ class Controller(Node):
     w_balance: float = param(_GAINS.w_balance, low=0.0, high=10.0, doc="weight of balance; 0 switches it off")
     w_interaction: float = param(_GAINS.w_interaction, low=0.0, high=10.0, doc="weight of inter-body interaction")
     w_relaxing: float = param(_GAINS.w_relaxing, low=0.0, high=10.0, doc="weight of relaxing against interaction")
-    w_collision: float = param(_GAINS.w_collision, low=0.0, high=1.0, doc="self-collision avoidance; 0 switches it off")
+    w_collision: float = param(
+        _GAINS.w_collision, low=0.0, high=1.0, doc="self-collision avoidance: 0 off, anything above wholly on"
+    )
     ee_to_trunk: float = param(_GAINS.ee_to_trunk, low=0.0, high=20.0, doc="hands' and feet's influence on the trunk")
     trunk_to_ee: float = param(_GAINS.trunk_to_ee, low=0.0, high=5.0, doc="the trunk's influence on hands")
     pelvis_trunk: float = param(

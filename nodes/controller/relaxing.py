@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.limb import flexion_of
-from bunraku.figure.quat import between, log, mul, mul_inv, rotate
+from bunraku.figure.quat import between, inv_mul, log, mul, mul_inv, rotate
 from bunraku.figure.quat import exp as quat_exp
 from bunraku.nodes.controller.state import State, Under
 
 Array = NDArray[np.float64]
+
+HEAD_AHEAD, HEAD_BACK, HEAD_ASIDE, HEAD_ROUND = 0.76, 0.95, 0.90, 1.0
+"""rad: how far the head nods ahead (until the chin is at the chest) and back, leans aside and turns round."""
 
 
 @kernel
@@ -170,13 +173,14 @@ def take_away(velocity: Array, moved: Array, span: float) -> None:
 
 @kernel_inline
 def keep_head(st: State, under: Under) -> None:
-    """Keep the head within what the neck can do."""
+    """Keep the head within what the neck can do and the chin lets it (`HEAD_AHEAD` and the others), by direction."""
     q, v = np.empty(4), np.empty(3)
-    mul_inv(st.turns[1], st.turns[0], q)
+    inv_mul(st.turns[0], st.turns[1], q)
     log(q, v)
-    off = sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    ahead = HEAD_AHEAD if v[0] > 0.0 else HEAD_BACK
+    off = sqrt((v[0] / ahead) ** 2 + (v[1] / HEAD_ROUND) ** 2 + (v[2] / HEAD_ASIDE) ** 2)
     if off > 1.0 and under.active[0] < 0.5:
         for k in range(3):
             v[k] *= 1.0 / off
         quat_exp(v, q)
-        mul(q, st.turns[0], st.turns[1])
+        mul(st.turns[0], q, st.turns[1])

@@ -22,7 +22,7 @@ from bunraku.nodes.controller.ends import move_ends
 from bunraku.nodes.controller.heading import seek_step, turn_feet, update_heading
 from bunraku.nodes.controller.hinges import turn_hinges
 from bunraku.nodes.controller.interaction import sway_hands, sway_trunk
-from bunraku.nodes.controller.legs import knee_pace, lean_room
+from bunraku.nodes.controller.legs import RISE_TO_STEP, knee_pace, lean_room, rise_to_step
 from bunraku.nodes.controller.over import (
     LEAST_SPAN,
     ease_point,
@@ -101,7 +101,7 @@ def advance(
     arms, flags = np.zeros((2, 3)), np.zeros(5)
     relaxed_trunk, relaxed_pelvis, room = np.empty(4), np.empty(3), np.empty(2)
     swivels_before, plain, aims_before, moved = np.empty(4), np.empty(4), np.empty((5, 3)), np.empty(4)
-    limited = np.empty(4)
+    limited, hips = np.empty(4), np.empty((2, 3))
     if st.mode[0] < 0.5:
         start(rig, gains, st, held, under, goals, goal_turns, plain, rotations_ls, positions_ws, rotations_ws)
     ways, ways_turned, ways_before, turned_before = (
@@ -142,6 +142,11 @@ def advance(
             gains.step_time, gains.step_pace, dt,
         )  # fmt: skip
         st.pelvis_rest[0], st.pelvis_rest[2] = 0.0, 0.0
+        if st.step[PHASE] != IDLE:
+            for k in range(3):
+                for side in range(2):
+                    hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
+            rise_to_step(rig, st.step, st.points[0], hips, st.points, st.planted, yaws, RISE_TO_STEP * dt)
     turn_feet(rig, gains, st, under, yaws, dt)
     lean_room(rig, positions_ws, st.planted, st.heading[0], room)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
 from bunraku.figure.pointpose import Base
+from bunraku.figure.rig import DEEPEST_CROUCH
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,7 @@ class Gains(NamedTuple):
     w_interaction: float = 0.1
     w_relaxing: float = 0.1
     w_collision: float = 1.0
+    """Above 0 parts of the body are kept apart wholly (there is no half of that); 0 lets them overlap."""
     ee_to_trunk: float = 2.0
     """Influence of an end's velocity on the trunk (eq. 20)."""
     trunk_to_ee: float = 0.2
@@ -56,7 +58,7 @@ class Gains(NamedTuple):
     """Half-life with which a lifted foot leaves the support polygon."""
     clearance: float = 0.002
     """m kept between parts of the body."""
-    duck: float = 0.55
+    duck: float = DEEPEST_CROUCH
     """Shortest hip to ankle, as a share of the leg, with the foot on the ground."""
     step_lift: float = 0.07
     """m by which a stepping foot is lifted."""

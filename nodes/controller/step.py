@@ -59,7 +59,7 @@ def _phase(
     step: Array, phase: float, pelvis: Array, to_x: float, to_z: float, way: float, least: float, pace: float
 ) -> None:
     step[PHASE], step[TIME] = phase, 0.0
-    step[FROM], step[FROM + 2] = pelvis[0], pelvis[2]
+    step[FROM], step[FROM + 1], step[FROM + 2] = pelvis[0], pelvis[1], pelvis[2]
     step[TO], step[TO + 2] = to_x, to_z
     step[DURATION] = least + pace * way
 

@@ -294,8 +294,7 @@ class PelvisGrab:
         polygon = support_polygon(np.array(soles))
         x, z = closest_point(polygon, wanted[[0, 2]], rules.support_inset)
         out = -margin_in_hull(polygon, len(polygon), float(wanted[0]), float(wanted[2]))
-        low = rules.duck * float(rig.rest_positions[0, 1])
-        high = np.inf
+        low, high = 0.0, np.inf
         hip = np.empty(3)
         for side in standing:
             upper, foot = int(rig.limbs[2 + side, 0]), int(rig.limbs[2 + side, 2])
@@ -305,6 +304,8 @@ class PelvisGrab:
             leg = float(rig.lengths[2 + side].sum()) * rules.stretch
             room = sqrt(max(leg * leg - dx * dx - dz * dz, 0.0))
             high = min(high, float(scene.positions[foot, 1]) + room - hip[1])
+            bent = float(rig.lengths[2 + side].sum()) * rules.duck
+            low = max(low, float(scene.positions[foot, 1]) + sqrt(max(bent * bent - dx * dx - dz * dz, 0.0)) - hip[1])
         high = max(high, low)
         y = min(high, max(low, float(wanted[1])))
         beyond = out > rules.step_margin or abs(float(wanted[1]) - y) > rules.step_rise

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from bunraku.figure.rig import DEEPEST_CROUCH
+
 
 @dataclass(frozen=True)
 class TouchRules:
@@ -75,8 +77,8 @@ class TouchRules:
     """s after which a step that never ended is given up."""
     support_inset: float = 0.01
     """m inside the support polygon's edge that a dragged pelvis stays."""
-    duck: float = 0.5
-    """Least height of the pelvis, share of its height at rest (5.3, minimum duck height)."""
+    duck: float = DEEPEST_CROUCH
+    """Shortest hip to ankle of a ducking pelvis, share of the leg (5.3, minimum duck height)."""
     upright: float = 0.06
     """m below straight legs up to which a dragged pelvis is drawn to them."""
     landing: float = 0.08

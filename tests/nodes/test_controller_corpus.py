@@ -18,6 +18,7 @@ import pytest
 from bunraku.figure.default import default_figure
 from bunraku.figure.metrics import (
     balance_margin,
+    floor_penetration,
     foot_drift,
     joint_speeds,
     largest_velocity_step,
@@ -107,6 +108,17 @@ def stepping(goal: tuple[float, float, float], name: str) -> Script:
     return Script(name, 4.5, lambda t, start: {}, steps=((0.3, goal),))
 
 
+def crouching(down: float, goal: tuple[float, float, float], name: str) -> Script:
+    """The pelvis is pulled down, let go after 1.2 s, then a step."""
+
+    def at(t: float, start: dict[str, np.ndarray]) -> Targets:
+        if not 0.2 <= t < 1.2:
+            return {}
+        return {"pelvis": glide(t, [(0.2, start["pelvis"]), (1.0, start["pelvis"] - [0.0, down, 0.0])])}
+
+    return Script(name, 5.5, at, steps=((1.3, goal),))
+
+
 @cache
 def corpus() -> tuple[Script, ...]:
     """At least 40 scripts."""
@@ -189,6 +201,19 @@ def corpus() -> tuple[Script, ...]:
         # Elbows and knees.
         drag("left_elbow", (0.25, 0.15, 0.1), name="elbow out"),
         drag("right_knee", (0.0, 0.30, 0.25), name="knee up"),
+        # As far as it goes.
+        stepping((0.0, 0.0, 0.8), "longest step ahead"),
+        stepping((0.0, 0.0, -0.8), "longest step back"),
+        stepping((-0.8, 0.0, 0.0), "longest step aside"),
+        stepping((0.56, 0.0, -0.56), "longest step back and aside"),
+        crouching(0.30, (0.0, 0.0, 0.8), "crouch and step ahead"),
+        crouching(0.15, (0.0, 0.0, -0.8), "crouch and step back"),
+        drag("left_foot", (0.0, 0.9, 0.3), pace=3.0, hold=1.0, name="foot up slowly", release=3.0),
+        drag("left_foot", (0.0, 0.8, 0.1), pace=3.0, hold=1.0, name="foot straight up slowly", release=3.0),
+        drag("left_foot", (0.45, 0.5, 0.3), (0.55, 0.0, -0.3), pace=0.8, name="foot from above", release=3.0),
+        drag("right_foot", (0.35, 0.20, 0.25), (0.45, 0.05, 0.2), hold=0.6, name="crossed foot let go", release=3.0),
+        turning("head", lambda t: q("x", min(80.0, 80 * (t - 0.2))), 2.5, "head down as far as it goes"),
+        turning("head", lambda t: q("z", min(80.0, 80 * (t - 0.2))), 2.5, "head aside as far as it goes"),
     ]  # fmt: skip
     return tuple(out)
 
@@ -308,6 +333,8 @@ def measure(script: Script) -> dict[str, float]:
         "limit_deg": np.degrees(limit_violation(FIGURE, r.rotations).max()),
         "drift_mm": 1e3 * foot_drift(feet, r.planted),
         "swivel_deg_mm": swivel_rates(r).max(),
+        "floor_mm": 1e3 * floor_penetration(FIGURE, r.positions, r.orientations).max(),
+        "hips_mm": 1e3 * np.linalg.norm(np.diff(r.positions[r.stepping, 0], axis=0), axis=-1).max(initial=0.0),
         "step_rad_s": largest_velocity_step(r.rotations, dt),
     }
     margins = balance_margin(FIGURE, r.positions, r.orientations, r.planted)
@@ -366,6 +393,8 @@ def test_body_limits_and_ground_are_kept(script: Script) -> None:
     assert found["penetration_mm"] <= 5.0
     assert found["limit_deg"] <= 1.0
     assert found["drift_mm"] <= 2.0
+    assert found["floor_mm"] <= 10.0
+    assert found["hips_mm"] <= 40.0  # a frame of a step
 
 
 @each
