@@ -147,7 +147,9 @@ def move_ends(
                 aim[k] = goals[row, k]
             aim[1] -= TREAD
             spring_to_into(st.points[row], st.velocities[row], aim, gains.landing_half_life, dt)
-            if st.points[row, 1] <= rig.ankle_heights[side]:
+            # Not where limits hold the leg off: it goes on in to where it can stand.
+            st.points[row, 1] = max(st.points[row, 1], rig.ankle_heights[side])
+            if st.points[row, 1] <= rig.ankle_heights[side] and (st.landed[side] > 0.5 or over):
                 st.points[row, 1] = rig.ankle_heights[side]
                 st.planted[side] = 1.0
                 for k in range(3):

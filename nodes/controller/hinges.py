@@ -17,6 +17,8 @@ from bunraku.nodes.controller.step import wrap
 
 Array = NDArray[np.float64]
 
+STANDING_TWIST = 0.4
+"""rad that a held knee turns about the line from its hip to a foot that stands."""
 SWIVEL_PER_WAY, SWIVEL_RATE = 8.0, 0.3
 """rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
 
@@ -60,7 +62,11 @@ def turn_hinges(
             inv_rotate(parent, pole, pole)
             wanted = swivel_of(axis, pole, rig.references[limb, 0], rig.references[limb, 1])
             wanted -= under.swivels[limb]
-            goal += min(1.0, sqrt(out) / 0.05) * wrap(wanted - goal)
+            away = wrap(wanted - goal)
+            if limb >= 2 and st.planted[limb - 2] > 0.5 and under.active[0] < 0.5:
+                # Over a foot that stands the hip twists only so far.
+                away = min(STANDING_TWIST, max(-STANDING_TWIST, away))
+            goal += min(1.0, sqrt(out) / 0.05) * away
         plain[limb] = under.swivels[limb] + now + wrap(goal - now)
         aim = np.array([now + wrap(goal + st.pushes[limb] - now)])
         st.extra[limb] = now

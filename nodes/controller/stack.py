@@ -33,6 +33,7 @@ from bunraku.nodes.controller.over import (
     remember_ways,
     way_from_motion,
 )
+from bunraku.nodes.controller.pacing import allow_return, legs_into, pace_legs, remember_legs, see_landings
 from bunraku.nodes.controller.placing import hang_free_hands, place_body
 from bunraku.nodes.controller.relaxing import (
     carry_turn,
@@ -101,7 +102,7 @@ def advance(
     arms, flags = np.zeros((2, 3)), np.zeros(5)
     relaxed_trunk, relaxed_pelvis, room = np.empty(4), np.empty(3), np.empty(2)
     swivels_before, plain, aims_before, moved = np.empty(4), np.empty(4), np.empty((5, 3)), np.empty(4)
-    limited, hips = np.empty(4), np.empty((2, 3))
+    limited, hips, legs_before = np.empty(4), np.empty((2, 3)), np.empty((2, 3, 4))
     if st.mode[0] < 0.5:
         start(rig, gains, st, held, under, goals, goal_turns, plain, rotations_ls, positions_ws, rotations_ws)
     ways, ways_turned, ways_before, turned_before = (
@@ -111,6 +112,7 @@ def advance(
         np.empty((2, 3)),
     )
     before[:] = st.points
+    legs_into(rig, rotations_ls, legs_before)
     swivels_before[:] = st.swivels
     go_on_as_drawn(st, held)
 
@@ -147,6 +149,7 @@ def advance(
                 for side in range(2):
                     hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
             rise_to_step(rig, st.step, st.points[0], hips, st.points, st.planted, yaws, RISE_TO_STEP * dt)
+    allow_return(st, before, dt)
     turn_feet(rig, gains, st, under, yaws, dt)
     lean_room(rig, positions_ws, st.planted, st.heading[0], room)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
@@ -189,7 +192,13 @@ def advance(
         positions_ws, rotations_ws, dt,
     )  # fmt: skip
     paces = np.empty(4)
+    if not over:
+        pace_legs(rig, st, under, contacts, flags, legs_before, rotations_ls, positions_ws, rotations_ws, dt)
+    see_landings(rig, st, contacts.limits, positions_ws, rotations_ls, rotations_ws)
+    remember_legs(rig, st, rotations_ls)
     if over:
+        # (A motion's own legs are the way to go on from.)
+        st.legs_kept[:] = 0.0
         even_limbs(
             rig, gains, st, held, under, flags, around, rotations_ls, positions_ws, rotations_ws, paces, dt
         )  # fmt: skip

@@ -121,9 +121,14 @@ class State(NamedTuple):
     fades: Array  # (4, 3, 3) rad, what is left of changes that were too quick
     fade_rates: Array  # (4, 3, 3) rad/s
     lead_rates: Array  # (2, 3, 3) rad/s, how fast held arms' joints leave their motion
+    legs: Array  # (2, 2, 4) hips and knees of both legs, as put out
+    legs_kept: Array  # (2,) 1 where joint limits held that leg off its foot's place
+    sought: Array  # (2,) the same in this step
+    landed: Array  # (2,) 1 for a free foot that is where it can stand
+    leg_pace: Array  # (2,) rad by which such a leg goes back to its swivel in this step
 
 
-STATE_SIZE = 483
+STATE_SIZE = 507
 """Numbers in a state."""
 
 
@@ -171,6 +176,11 @@ def unpack_state(b: Array) -> State:
         b[393:429].reshape(4, 3, 3),
         b[429:465].reshape(4, 3, 3),
         b[465:483].reshape(2, 3, 3),
+        b[483:499].reshape(2, 2, 4),
+        b[499:501],
+        b[501:503],
+        b[503:505],
+        b[505:507],
     )
 
 
