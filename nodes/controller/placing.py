@@ -192,9 +192,8 @@ def place_limb(
         carry_limb(rig, limb, rotations_ls, positions_ws, rotations_ws)
         if limb < 2:
             return
-        under_floor = place_foot(
-            rig, st, under, limits, limb - 2, limited, rotations_ls, positions_ws, rotations_ws
-        )  # fmt: skip
+        own = limited and under.active[0] < 0.5  # (a motion's own ankles may be beyond a range)
+        under_floor = place_foot(rig, st, under, limits, limb - 2, own, rotations_ls, positions_ws, rotations_ws)
         if under_floor < UNDER_FLOOR or round_ == FLOOR_ROUNDS - 1:
             break
         place[1] += under_floor
@@ -240,6 +239,7 @@ def place_body(
         if keeps and limb >= 2:
             st.sought[limb - 2] = 0.0
             end = rig.limbs[limb, 2]
-            again = st.legs_kept[limb - 2] > 0.5 or joint_excess(limits, end, rotations_ls[end]) > 0.0
+            again = st.legs_kept[limb - 2] > 0.5
+            again = again or (under.active[0] < 0.5 and joint_excess(limits, end, rotations_ls[end]) > 0.0)
         if again or (keeps and clamp_joint(limits, upper, rotations_ls[upper]) > 0.0):
             place_limb(rig, st, under, limits, limb, keeps, rotations_ls, positions_ws, rotations_ws)

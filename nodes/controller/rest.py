@@ -15,6 +15,10 @@ Array = NDArray[np.float64]
 
 HANG = (0.17, -0.97, 0.10)
 """Direction of the left arm at rest."""
+DOWN = 1e-3
+"""m above its standing height up to which a free foot is down."""
+EASE_WIDTH, DRAW_IN = 0.19, 0.1
+"""m between feet at ease, and the share of its way there by which a foot that cannot stand is asked on."""
 
 
 @kernel
@@ -25,6 +29,14 @@ def hanging_arm(rig: Rig, limb: int, heading: float, out: Array) -> None:
     n = rig.reach[limb, 1] * 0.985 / sqrt(x * x + y * y + z * z)
     c, s = cos(heading), sin(heading)
     out[0], out[1], out[2] = n * (c * x + s * z), n * y, n * (c * z - s * x)
+
+
+@kernel
+def draw_beside(side: int, other: Array, heading: float, out: Array) -> None:
+    """Bring a foot's goal (3, m, in place) nearer to beside the ``other`` foot (3, m), a hip's width apart."""
+    aside = EASE_WIDTH if side == 0 else -EASE_WIDTH
+    out[0] += DRAW_IN * (other[0] + cos(heading) * aside - out[0])
+    out[2] += DRAW_IN * (other[2] - sin(heading) * aside - out[2])
 
 
 @kernel
@@ -49,6 +61,9 @@ def find_goals(rig: Rig, st: State, under: Under, goals: Array, goal_turns: Arra
         other = 1 - limb
         if st.planted[other] > 0.5:
             landing_place(rig, limb, st.points[3 + limb], st.points[3 + other], True, heading, goals[3 + limb])
+            if st.planted[limb] < 0.5 and st.points[3 + limb, 1] <= rig.ankle_heights[limb] + DOWN:
+                # Down, and yet it cannot stand there: on to where legs stand at ease.
+                draw_beside(limb, st.points[3 + other], heading, goals[3 + limb])
         else:
             landing_place(rig, limb, st.points[3 + limb], st.points[0], False, heading, goals[3 + limb])
     for limb in range(2):

@@ -367,12 +367,14 @@ EITHER_SIDE = {"foot out of reach": "left_hand"}
 equally good, and the millimetres by which the input differs between rates choose."""
 
 
-AFTER_JUMPS = {"wild jumps": 70.0}
-"""Degrees a second at 120 Hz half a second after the last of several jumps of 2.6 m, slowing down; 30 at 60 Hz."""
+STILL_MOVING = {"wild jumps": 70.0, "crossed foot let go": 100.0}
+"""Degrees a second: half a second after the last of several jumps of 2.6 m, slowing down (30 at 60 Hz); where
+a foot that was let go crossed has come down at last and the pelvis rises over both."""
 
 
-STRAIGHT = {"pelvis up": 10.0}
-"""A leg that stretches its last millimetre moves its knee at 0.14 m/s for two frames, and not at all after them."""
+JOLTED = {"pelvis up": 10.0, "foot from above": 3.7}
+"""A leg that stretches its last millimetre moves its knee at 0.14 m/s for two frames, and not at all after them; toes
+that were bent against the ground swing free."""
 
 
 def test_the_corpus_is_large_and_its_names_are_unique() -> None:
@@ -409,13 +411,13 @@ def test_elbows_and_knees_turn_smoothly(script: Script) -> None:
 
 @each
 def test_nothing_moves_fast_while_the_input_is_still(script: Script) -> None:
-    assert measure(script)["still_deg_s"] <= AFTER_JUMPS.get(script.name, 60.0)
+    assert measure(script)["still_deg_s"] <= STILL_MOVING.get(script.name, 60.0)
 
 
 @each
 def test_grab_and_release_move_no_joint_harder_than_a_damped_spring(script: Script) -> None:
     # (What jumps again at once does not get as far as its spring would have taken it.)
-    assert measure(script)["jolt"] <= STRAIGHT.get(script.name, 1.25)
+    assert measure(script)["jolt"] <= JOLTED.get(script.name, 1.25)
 
 
 def test_it_is_in_balance_in_quiet_frames() -> None:
