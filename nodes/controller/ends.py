@@ -150,7 +150,6 @@ def move_ends(
             # Not where limits hold the leg off: it goes on in to where it can stand.
             st.points[row, 1] = max(st.points[row, 1], rig.ankle_heights[side])
             if st.points[row, 1] <= rig.ankle_heights[side] and (st.landed[side] > 0.5 or over):
-                st.points[row, 1] = rig.ankle_heights[side]
                 st.planted[side] = 1.0
                 for k in range(3):
                     st.velocities[row, k] = 0.0

@@ -15,6 +15,7 @@ from bunraku.figure.jit import kernel
 from bunraku.figure.quat import angle, exp, inv_mul, inv_rotate, log, mul, mul_inv, rotate, slerp
 from bunraku.figure.rig import Rig
 from bunraku.figure.spring import spring_decay_into
+from bunraku.nodes.controller.placing import carry_from
 from bunraku.nodes.controller.state import Gains, Held, State, Under
 
 Array = NDArray[np.float64]
@@ -296,14 +297,7 @@ def even_limbs(
             exp(fade[n], q)
             joint = rig.limbs[limb, n]
             mul(rotations_ls[joint], q, rotations_ls[joint])
-        for joint in range(upper, rig.parents.shape[0]):
-            parent = rig.parents[joint]
-            if joint != upper and parent < upper:
-                break
-            rotate(rotations_ws[parent], rig.offsets[joint], v)
-            for k in range(3):
-                positions_ws[joint, k] = positions_ws[parent, k] + v[k]
-            mul(rotations_ws[parent], rotations_ls[joint], rotations_ws[joint])
+        carry_from(rig, upper, rotations_ls, positions_ws, rotations_ws)
 
 
 @kernel

@@ -12,7 +12,7 @@ from bunraku.figure.pointpose import keep_above_floor
 from bunraku.figure.quat import angle, inv_mul, mul_inv, slerp
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.collision import Contacts, deepest_contact
-from bunraku.nodes.controller.placing import carry_limb
+from bunraku.nodes.controller.placing import carry_from
 from bunraku.nodes.controller.state import State, Under
 from bunraku.nodes.controller.step import IDLE, PHASE
 
@@ -83,11 +83,11 @@ def pace_legs(
                 joint = rig.limbs[2 + side, n]
                 slerp(before[side, n], wanted[n], share, rotations_ls[joint])
                 clamp_joint(contacts.limits, joint, rotations_ls[joint])
-            carry_limb(rig, 2 + side, rotations_ls, positions_ws, rotations_ws)
+            carry_from(rig, rig.limbs[2 + side, 0], rotations_ls, positions_ws, rotations_ws)
             keep_above_floor(rig, side, positions_ws[end, 1] - under.base.floors[side], rotations_ws[end])
             inv_mul(rotations_ws[rig.parents[end]], rotations_ws[end], rotations_ls[end])
             clamp_joint(contacts.limits, end, rotations_ls[end])
-            carry_limb(rig, 2 + side, rotations_ls, positions_ws, rotations_ws)
+            carry_from(rig, end, rotations_ls, positions_ws, rotations_ws)
             gap = deepest_contact(
                 rig, contacts, 2 + side, nobody, positions_ws, rotations_ws, centers, axes, push
             )  # fmt: skip

@@ -96,12 +96,12 @@ def seek_within_limits(
 
 
 @kernel
-def carry_limb(rig: Rig, limb: int, rotations_ls: Array, positions_ws: Array, rotations_ws: Array) -> None:
-    """Bring the world arrays of one limb up to date."""
-    upper, v = rig.limbs[limb, 0], np.empty(3)
-    for joint in range(upper, rig.parents.shape[0]):
+def carry_from(rig: Rig, first: int, rotations_ls: Array, positions_ws: Array, rotations_ws: Array) -> None:
+    """Bring the world arrays of a joint and of all that hangs on it up to date."""
+    v = np.empty(3)
+    for joint in range(first, rig.parents.shape[0]):
         parent = rig.parents[joint]
-        if joint != upper and parent < upper:
+        if joint != first and parent < first:
             break
         rotate(rotations_ws[parent], rig.offsets[joint], v)
         for k in range(3):
@@ -189,7 +189,7 @@ def place_limb(
             seek_within_limits(rig, under, limits, limb, place, positions_ws, rotations_ws, rotations_ls)
         if limb >= 2 and limited:
             st.sought[limb - 2] = 1.0 if outside else 0.0
-        carry_limb(rig, limb, rotations_ls, positions_ws, rotations_ws)
+        carry_from(rig, upper, rotations_ls, positions_ws, rotations_ws)
         if limb < 2:
             return
         own = limited and under.active[0] < 0.5  # (a motion's own ankles may be beyond a range)
@@ -197,7 +197,7 @@ def place_limb(
         if under_floor < UNDER_FLOOR or round_ == FLOOR_ROUNDS - 1:
             break
         place[1] += under_floor
-    carry_limb(rig, limb, rotations_ls, positions_ws, rotations_ws)
+    carry_from(rig, rig.limbs[limb, 2], rotations_ls, positions_ws, rotations_ws)
 
 
 @kernel_inline

@@ -134,14 +134,10 @@ class Interpreter(Node):
             self.pen_rules = Plays.parse(self.pen_plays, PEN_PLAYS, name)
         elif name == "obstacles":
             self.placed = self._obstacles()
-        elif name == "forget":
+        elif name == "forget" or name in TOUCH_PARAMS:
             for core in self.cores.values():
                 if isinstance(core, TouchCore):
-                    core.forget = self.forget
-        elif name in TOUCH_PARAMS:
-            for core in self.cores.values():
-                if isinstance(core, TouchCore):
-                    core.rules = self._touch_rules()  # the next touches go by them
+                    core.forget, core.rules = self.forget, self._touch_rules()  # the next touches go by them
         elif name in ("pen_scale", "pen_early", "pen_natural"):
             for pen in self.pens.values():
                 pen.rules = pen.track.rules = replace(pen.rules, scale=self.pen_scale)
