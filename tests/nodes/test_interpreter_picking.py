@@ -14,7 +14,6 @@ from bunraku.nodes.interpreter.rules import RULES
 def scene_from(eye: tuple[float, float, float]) -> Scene:
     table = Table()
     table.look_from(eye)
-    table.stage.advance(0.05)
     return Scene.of(FIGURE, table.camera)
 
 

@@ -21,7 +21,6 @@ def test_dragging_down_bends_forward_and_up_backward(part: str, axis: int) -> No
     for way in (1, -1):
         table = Table()
         table.look_from((0.0, 1.2, 4.2))
-        table.stage.advance(0.05)
         x, y = table.place(part)
         table.down(1, (x, y))
         table.drag(1, (x, y + 0.03 * way), 1.0)
@@ -36,7 +35,6 @@ def test_a_trunk_dragged_nearly_sideways_leans_and_does_not_bend() -> None:
     for down in (-0.012, 0.0, 0.012):  # 3 cm, on a way of 28 cm
         table = Table()
         table.look_from((0.0, 1.2, 4.2))
-        table.stage.advance(0.05)
         x, y = table.place("trunk")
         table.down(1, (x, y))
         table.drag(1, (x + 0.06, y + down), 1.0)
@@ -112,7 +110,6 @@ def test_the_pelvis_moves_over_the_feet_and_bends_the_knees() -> None:
 def test_a_pelvis_that_is_nearly_upright_is_upright_and_a_crouch_is_as_deep_as_asked() -> None:
     table = Table()
     table.look_from((0.0, 0.95, 4.2))
-    table.stage.advance(0.05)
     x, y = table.place("pelvis")
     table.down(1, (x, y))
     top = table.target.pelvis[1]
@@ -131,7 +128,6 @@ def test_a_pelvis_that_is_nearly_upright_is_upright_and_a_crouch_is_as_deep_as_a
 def test_a_pelvis_dragged_beyond_the_feet_is_one_step_at_a_time() -> None:
     table = Table()
     table.look_from((0.0, 1.5, 4.2))
-    table.stage.advance(0.05)
     steps = pelvis_step(table, 0.12, 0.0)
     assert len(steps) == 1
     goal = np.array(steps[0].goal)  # type: ignore[attr-defined]
@@ -172,13 +168,11 @@ def test_a_level_drag_is_a_step_to_the_side_however_low_the_hips_have_sunk(lower
 def test_up_and_down_on_the_picture_step_away_from_and_toward_the_viewer() -> None:
     table = Table()
     table.look_from((0.0, 1.8, 4.0))
-    table.stage.advance(0.05)
     away = pelvis_step(table, 0.0, -0.10)
     assert away
     assert away[0].goal[2] < -0.45  # type: ignore[attr-defined]
     other = Table()
     other.look_from((0.0, 1.8, 4.0))
-    other.stage.advance(0.05)
     toward = pelvis_step(other, 0.0, 0.30)
     assert toward
     assert toward[0].goal[2] > 0.45  # type: ignore[attr-defined]
@@ -187,7 +181,6 @@ def test_up_and_down_on_the_picture_step_away_from_and_toward_the_viewer() -> No
 def test_a_ray_above_the_horizon_gives_a_step_s_direction() -> None:
     table = Table()
     table.look_from((0.0, 1.0, 4.0))
-    table.stage.advance(0.05)
     steps = pelvis_step(table, 0.0, -0.30)
     assert steps
     assert steps[0].goal[2] == pytest.approx(-0.8, abs=0.02)  # type: ignore[attr-defined]

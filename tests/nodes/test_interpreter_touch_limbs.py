@@ -81,7 +81,6 @@ def test_the_plane_follows_a_figure_that_walks_and_a_still_finger_keeps_its_ray(
 def test_a_quick_drag_is_a_punch_toward_the_viewer_and_goes_back_softly() -> None:
     table = Table()
     table.look_from((0.3, 1.3, 4.0))
-    table.stage.advance(0.05)
     x, y = table.place("left_hand")
     table.down(1, (x, y))
     # In toward the chest first, slowly: then out in front of it in 0.12 s.
@@ -103,7 +102,6 @@ def test_a_quick_drag_is_a_punch_toward_the_viewer_and_goes_back_softly() -> Non
 def test_a_punch_leaves_no_faster_than_a_fist_and_stays_out_for_a_moment() -> None:
     table = Table()
     table.look_from((0.0, 1.3, 4.0))
-    table.stage.advance(0.05)
     x, y = table.place("left_hand")
     table.down(1, (x, y))
     table.drag(1, (x - 0.06, y + 0.10), 1.5)
@@ -125,7 +123,6 @@ def test_the_gain_of_speed_is_settable_while_it_runs() -> None:
     """The next touch goes by it: the same quick drag goes forward with the gain and stays with none."""
     table = Table()
     table.look_from((0.0, 1.3, 4.0))
-    table.stage.advance(0.05)
     forward = []
     for gain in (0.2, 0.0):
         table.stage.ask(table.node, "param.set", name="speed_gain", value=gain)
@@ -144,7 +141,6 @@ def test_the_gain_of_speed_is_settable_while_it_runs() -> None:
 def test_from_the_side_speed_adds_nothing() -> None:
     table = Table()
     table.look_from((4.2, 1.2, 0.2))
-    table.stage.advance(0.05)
     x, y = table.place("left_hand")
     table.down(1, (x, y))
     table.drag(1, (x, y + 0.2), 0.1)
@@ -154,7 +150,6 @@ def test_from_the_side_speed_adds_nothing() -> None:
 def test_a_hand_dragged_before_the_body_keeps_clear_of_it() -> None:
     table = Table()
     table.look_from((0.0, 1.2, 4.2))
-    table.stage.advance(0.05)
     x, y = table.place("left_hand")
     table.down(1, (x, y))
     chest = project(table.camera, (0.0, 1.2, 0.0))
@@ -172,7 +167,6 @@ def test_a_foot_that_is_lifted_beside_the_other_leg_goes_straight_up() -> None:
     for part in ("left_foot", "right_foot"):
         table = Table()
         table.look_from((0.0, 1.2, 4.2))
-        table.stage.advance(0.05)
         x, y = table.place(part)
         table.down(1, (x, y))
         before = np.array(getattr(table.target, part))
@@ -185,7 +179,6 @@ def test_a_foot_that_is_lifted_beside_the_other_leg_goes_straight_up() -> None:
 def test_a_foot_that_is_dragged_across_the_other_leg_passes_before_it() -> None:
     table = Table()
     table.look_from((0.0, 1.2, 4.2))
-    table.stage.advance(0.05)
     x, y = table.place("right_foot")
     leg = project(table.camera, FIGURE.rest_positions[FIGURE.role("leftLowerLeg")])
     table.down(1, (x, y))

@@ -24,13 +24,6 @@ TOKEN = "s3cret-token-of-128-bits"
 
 
 @pytest.fixture
-def house() -> Iterator[House]:
-    one = House()
-    yield one
-    one.server.stop()
-
-
-@pytest.fixture
 def guarded() -> Iterator[House]:
     one = House(TOKEN)
     yield one

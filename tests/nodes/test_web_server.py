@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import json
 import struct
-from collections.abc import Iterator
 
 import pytest
 from house import House, bundle, closed, hello, pose, run, told, touch
@@ -14,13 +13,6 @@ from websockets.exceptions import ConnectionClosed
 from bunraku.msgs import Event, InvalidMessage
 from bunraku.nodes.web.protocol import POSE, Call, Hello, Input, Ping, decode_text, pack_pose, with_echo
 from bunraku.nodes.web.server import WINDOW
-
-
-@pytest.fixture
-def house() -> Iterator[House]:
-    one = House()
-    yield one
-    one.server.stop()
 
 
 def test_input_arrives_with_the_values_that_were_made(house: House) -> None:

@@ -1,7 +1,6 @@
 """Takes and parameters: what a page may ask of the stage, and what it may not."""
 
 import asyncio
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,6 @@ from bunraku.nodes.web.calls import Calls
 from bunraku.nodes.web.protocol import Call
 from bunraku.nodes.web.takes import Takes
 from bunraku.runtime.bag import BagWriter, Channel
-
-
-@pytest.fixture
-def house() -> Iterator[House]:
-    one = House()
-    yield one
-    one.server.stop()
 
 
 def one(value: Any, **fields: Any) -> Parameter:

@@ -24,7 +24,8 @@ def launch() -> list[NodeSpec]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
+    from playwright import sync_api
+
     with sync_api.sync_playwright() as driver:
         one = driver.chromium.launch(executable_path=BROWSER, args=FLAGS)
         yield one

@@ -3,17 +3,11 @@
 from typing import Any
 
 import pytest
-from pages import BROWSER, Ear, Hall, Person
+from pages import Ear, Hall, Person, needs_browser
 
 from bunraku.nodes.course.stages import stages
 
-pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-pytestmark = [
-    pytest.mark.peer,
-    pytest.mark.stack,
-    pytest.mark.timeout(400),
-    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
-]
+pytestmark = needs_browser(400)
 DOWN = {"button": "left", "buttons": 1}
 
 

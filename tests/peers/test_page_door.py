@@ -6,17 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pages import BROWSER, SHOTS, Hall
+from pages import SHOTS, Hall, needs_browser
 
 from bunraku.nodes.web.access import AccessError, lan_address
 
-pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-pytestmark = [
-    pytest.mark.peer,
-    pytest.mark.stack,
-    pytest.mark.timeout(200),
-    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
-]
+pytestmark = needs_browser(200)
 LAUNCH = '''"""A page for the network."""
 from bunraku.runtime.launch import NodeSpec, node
 

@@ -4,15 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from pages import BROWSER, Ear, Hall, Person, teal
+from pages import Ear, Hall, Person, needs_browser, teal
 
-pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-pytestmark = [
-    pytest.mark.peer,
-    pytest.mark.stack,
-    pytest.mark.timeout(300),
-    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
-]
+pytestmark = needs_browser(300)
 
 
 def test_two_fingers_drag_hand_and_pelvis(person: Person, ear: Callable[[str], Ear], hall: Hall) -> None:

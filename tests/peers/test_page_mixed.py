@@ -2,15 +2,9 @@
 
 import numpy as np
 import pytest
-from pages import BROWSER, Person
+from pages import Person, needs_browser
 
-pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-pytestmark = [
-    pytest.mark.peer,
-    pytest.mark.stack,
-    pytest.mark.timeout(400),
-    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
-]
+pytestmark = needs_browser(400)
 DOWN = {"button": "left", "buttons": 1}
 
 

@@ -6,20 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pages import BROWSER, Ear, Hall, Person, differs
+from pages import Ear, Hall, Person, differs, needs_browser
 
 from bunraku.figure.camera import on_plane, ray
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
 from bunraku.msgs import Camera
 
-pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-pytestmark = [
-    pytest.mark.peer,
-    pytest.mark.stack,
-    pytest.mark.timeout(400),
-    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
-]
+pytestmark = needs_browser(400)
 SKELETON = default_figure()
 DOWN = {"button": "left", "buttons": 1}
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pages import BROWSER, SHOTS, Hall, Person
+from pages import SHOTS, Hall, Person, needs_browser
 from PIL import Image
 
 from bunraku.figure.camera import project
@@ -21,13 +21,7 @@ from bunraku.nodes.renderer.overlay import PANEL, draw
 from bunraku.nodes.renderer.view import Layer
 from bunraku.runtime.control import ask
 
-pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-pytestmark = [
-    pytest.mark.peer,
-    pytest.mark.stack,
-    pytest.mark.timeout(300),
-    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
-]
+pytestmark = needs_browser(300)
 
 
 COLORS = {

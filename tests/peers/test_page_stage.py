@@ -8,20 +8,13 @@ from typing import Any
 
 import av
 import numpy as np
-import pytest
 import trimesh
-from pages import BROWSER, SHOTS, Ear, Hall, Person
+from pages import SHOTS, Ear, Hall, Person, needs_browser
 from PIL import Image
 
 from bunraku.runtime.control import ask
 
-pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install -e '.[test]'")
-pytestmark = [
-    pytest.mark.peer,
-    pytest.mark.stack,
-    pytest.mark.timeout(300),
-    pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
-]
+pytestmark = needs_browser(300)
 
 
 def test_a_reload_in_mid_drag_lets_go_and_the_page_plays_on(person: Person, ear: Callable[[str], Ear]) -> None:

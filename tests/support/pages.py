@@ -11,11 +11,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import msgpack
 import numpy as np
+import pytest
 import zmq
 from PIL import Image
 
@@ -30,6 +32,17 @@ SHOTS = os.environ.get("BUNRAKU_SHOTS")
 """A folder for the pictures, to be looked at."""
 UP = re.compile(r"nodes? up in")
 LINK = re.compile(r"the stage page is at (http://\S+)")
+
+
+def needs_browser(seconds: float) -> list[pytest.MarkDecorator]:
+    """The marks of a module whose tests drive Chromium on a stage of real processes, ``seconds`` at most each."""
+    return [
+        pytest.mark.peer,
+        pytest.mark.stack,
+        pytest.mark.timeout(seconds),
+        pytest.mark.skipif(find_spec("playwright") is None, reason="needs playwright: pip install -e '.[test]'"),
+        pytest.mark.skipif(BROWSER is None, reason="needs Chromium: apt-get install chromium"),
+    ]
 
 
 class Ear:

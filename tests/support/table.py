@@ -46,8 +46,9 @@ class Table:
         )
 
     def look_from(self, eye: tuple[float, float, float]) -> None:
-        """Look at the middle of the figure from a place, m."""
+        """Look at the middle of the figure from a place, m, once it is seen from there."""
         self.node.viewer.orbit = orbit_from(eye, (0, 0.9, 0), 0.576, 16 / 9)
+        self.stage.advance(0.05)
 
     @property
     def camera(self) -> Camera:
