@@ -6,6 +6,7 @@ import {Identity, waitBefore} from "../../nodes/web/page/connection.js";
 import {forwardKinematics, quatMultiply} from "../../nodes/web/page/maths.js";
 import {ears, lay, placed, ribbon, Sheet} from "../../nodes/web/page/overlays.js";
 import {controlOf, stepOf} from "../../nodes/web/page/params.js";
+import {Pace} from "../../nodes/web/page/pace.js";
 import {mixPoses, Playout, Track} from "../../nodes/web/page/playout.js";
 import {Samples} from "../../nodes/web/page/stats.js";
 import {clockText, frameAt, lengthOf, Player, readTrack} from "../../nodes/web/page/takes.js";
@@ -279,4 +280,54 @@ test("quaternions multiply as rotations do", () => {
   const out = [0, 0, 0, 0], h = Math.SQRT1_2;
   quatMultiply(out, 0, [0, h, 0, h], 0, [0, h, 0, h], 0);
   out.forEach((v, i) => near(v, [0, 1, 0, 0][i]));
+});
+
+/** Frames for so long; `gap` says how long each takes with the pixels that are drawn. */
+function frames(pace, from, seconds, gap) {
+  let now = from, changes = 0;
+  while (now < from + 1000 * seconds) {
+    const before = pace.level;
+    pace.update(now);
+    if (pace.level !== before) changes++;
+    now += gap(pace.scale);
+  }
+  return {now, changes};
+}
+
+test("a slow machine draws fewer pixels, in few changes, and all of them again when it is fast", () => {
+  const pace = new Pace();
+  let {now, changes} = frames(pace, 0, 20, (scale) => 5 + 40 * scale ** 2); // 45 ms with all, 22 with two thirds
+  assert.equal(pace.scale, 0.65);
+  assert.equal(changes, 2);
+  ({now, changes} = frames(pace, now, 60, () => 16.7));
+  assert.equal(pace.scale, 1);
+  assert.equal(changes, 2);
+});
+
+test("a screen that holds every frame twice as long keeps its pixels: fewer are of no use", () => {
+  const pace = new Pace();
+  const first = frames(pace, 0, 8, () => 33.3);
+  assert.equal(pace.scale, 1);
+  assert.ok(frames(pace, first.now, 600, () => 33.3).changes <= 60); // tried again now and then
+});
+
+test("what fits into a refresh only with fewer pixels is found, though the steps before it gain nothing", () => {
+  const pace = new Pace();
+  frames(pace, 0, 20, (scale) => (scale > 0.5 ? 33.3 : 16.7));
+  assert.equal(pace.scale, 0.5);
+});
+
+test("more pixels are tried ever more rarely where they prove too many", () => {
+  const pace = new Pace();
+  let {now} = frames(pace, 0, 60, (scale) => (scale > 0.65 ? 30 : 16.7));
+  let changes;
+  ({now, changes} = frames(pace, now, 600, (scale) => (scale > 0.65 ? 30 : 16.7)));
+  assert.ok(changes <= 14, `${changes}`);
+});
+
+test("a page that was not drawn for a while was not slow", () => {
+  const pace = new Pace();
+  const {now} = frames(pace, 0, 2, () => 16.7);
+  for (let k = 1; k < 50; k++) pace.update(now + 2000 * k);
+  assert.equal(pace.scale, 1);
 });

@@ -163,7 +163,8 @@ export function takes(connection, figure) {
       const time = recording ? now - began : player.track ? player.time : 0;
       const text = clockText(time);
       if (clock.textContent !== text) clock.textContent = text;
-      scrub.ariaValueText = player.track ? `${text} of ${clockText(lengthOf(player.track))}` : text;
+      const told = player.track ? `${text} of ${clockText(lengthOf(player.track))}` : text;
+      if (scrub.ariaValueText !== told) scrub.ariaValueText = told;
     },
   };
 }
@@ -244,9 +245,9 @@ const WASTED = 0.6; // share of the stage below which the picture's shape is tak
  * Offer to fit the picture where much of this screen is empty.
  * @param {import("./stage.js").Stage} stage @param {boolean} plays
  */
-export function offerFit({camera, canvas}, plays) {
-  const {width, height} = letterbox(camera.aspect, canvas.clientWidth, canvas.clientHeight);
-  byId("fitnow", HTMLButtonElement).hidden = !plays || width * height > WASTED * canvas.clientWidth * canvas.clientHeight;
+export function offerFit({camera, box}, plays) {
+  const {width, height} = letterbox(camera.aspect, box.width, box.height);
+  byId("fitnow", HTMLButtonElement).hidden = !plays || width * height > WASTED * box.width * box.height;
 }
 
 /**
@@ -257,8 +258,8 @@ export function showNumbers(stats, connection, pages) {
   const delay = stats.delay.percentile(0.5);
   byId("numbers", HTMLOutputElement).textContent =
     `${Number.isFinite(delay) ? `${show(delay)} ms` : "– ms"} · ${show(stats.rate)} fps`;
+  if (byId("drawer", HTMLElement).hidden) return;
   const box = byId("measured", HTMLElement);
-  if (!box.offsetParent) return;
   const rows = {
     "hand to picture": `${show(delay)} ms, p99 ${show(stats.delay.percentile(0.99))} ms`,
     "frames a second": show(stats.rate, 1),

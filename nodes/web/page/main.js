@@ -56,7 +56,7 @@ function begin() {
     },
   });
   const timeline = takes(connection, () => here.figure);
-  const settings = drawer(connection, calibration, () => canvas.clientWidth / canvas.clientHeight);
+  const settings = drawer(connection, calibration, () => stage.box.width / stage.box.height);
 
   // -- who this page is -------------------------------------------------------------------------------------------
   const figureList = byId("figure", HTMLSelectElement), roleList = byId("role", HTMLSelectElement);

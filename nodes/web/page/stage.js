@@ -4,12 +4,11 @@ import {Figure, FigurePainter} from "./figure.js";
 import {drawn} from "./gl.js";
 import {Ground, LOOKS} from "./ground.js";
 import {Ink} from "./ink.js";
+import {Pace} from "./pace.js";
 import {mixCameras, mixPoses, Playout, Track} from "./playout.js";
 import {DEFAULT_CAMERA, letterbox, viewOf} from "./view.js";
 import {CAMERA, OVERLAY, POSE, readCamera, readMesh, readOverlay, readPose} from "./wire.js";
 
-const SLOW_FRAME = 24, FAST_FRAME = 17.5; // ms between two frames
-const LEAST_SCALE = 0.5;
 const LEAST_LETTERS = 15; // pixels of the page
 
 /** @typedef {{time: number, root: Float32Array, rotations: Float32Array}} TakeFrame */
@@ -38,12 +37,16 @@ export class Stage {
     /** @type {TakeFrame | null} */
     this.replay = null;
     this.look = LOOKS.light;
-    this.scale = 1;
-    this.pace = 1000 / 60;
-    this.last = 0;
+    this.pace = new Pace();
     this.figure = 0;
     /** @type {(() => void)[]} */
     this.wishes = [];
+    /** Where the canvas lies on the page: kept, for asking after something was written costs a layout. */
+    this.box = canvas.getBoundingClientRect();
+    const measure = () => { this.box = canvas.getBoundingClientRect(); };
+    new ResizeObserver(measure).observe(canvas);
+    addEventListener("resize", measure);
+    addEventListener("pointerdown", measure, true);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => this.build());
     this.build();
@@ -84,14 +87,13 @@ export class Stage {
 
   /** The picture's rectangle in the page's pixels. @returns {import("./view.js").Rect} */
   picture() {
-    const box = this.canvas.getBoundingClientRect();
-    const inner = letterbox(this.camera.aspect, box.width, box.height);
-    return {...inner, left: box.left + inner.left, top: box.top + inner.top};
+    const {left, top, width, height} = this.box, inner = letterbox(this.camera.aspect, width, height);
+    return {...inner, left: left + inner.left, top: top + inner.top};
   }
 
   /** Draw one frame. @param {number} now ms */
   draw(now) {
-    this.keepPace(now);
+    this.pace.update(now);
     const time = this.playout.at(now);
     const seen = this.cameras.around(this.playout.offset === Infinity ? Infinity : time);
     if (seen) this.camera = mixCameras(seen);
@@ -108,11 +110,10 @@ export class Stage {
   }
 
   paint() {
-    const {gl, canvas, ground, painter, ink} = this;
+    const {gl, canvas, box, ground, painter, ink} = this;
     if (!ground || !painter || !ink || gl.isContextLost()) return;
-    const ratio = Math.min(devicePixelRatio || 1, 2) * this.scale;
-    const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
-    const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+    const ratio = Math.min(devicePixelRatio || 1, 2) * this.pace.scale;
+    const width = Math.max(1, Math.round(box.width * ratio)), height = Math.max(1, Math.round(box.height * ratio));
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const {aspect} = this.camera, rect = letterbox(aspect, width, height), view = viewOf(this.camera);
     const figures = [...this.figures.values()];
@@ -134,20 +135,5 @@ export class Stage {
     ink.draw(this.overlays.values(), view, aspect, this.look === LOOKS.dark, parents);
     this.calls = drawn.reset();
     for (const wish of this.wishes.splice(0)) wish();
-  }
-
-  /** A slow machine gets fewer pixels rather than fewer frames. @param {number} now */
-  keepPace(now) {
-    const gap = now - this.last;
-    this.last = now;
-    if (!(gap > 0 && gap < 500)) return;
-    this.pace += 0.03 * (gap - this.pace);
-    if (this.pace > SLOW_FRAME && this.scale > LEAST_SCALE) {
-      this.scale = Math.max(LEAST_SCALE, this.scale * 0.9);
-      this.pace = 20;
-    } else if (this.pace < FAST_FRAME && this.scale < 1) {
-      this.scale = Math.min(1, this.scale * 1.02);
-      this.pace = FAST_FRAME;
-    }
   }
 }
