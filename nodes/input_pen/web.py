@@ -18,11 +18,14 @@ class WebDriver(Driver):
         """Page -> its last sample, while it is in range."""
         self.touching = Silence()
         """Of pages whose pen touches."""
+        self.over: set[str] = set()
+        """Pages whose silence took the pen away: it draws nothing until it is lifted and put down again."""
         self.host.listen("web/events", Event, self.on_event)
 
     def on_event(self, event: Event) -> None:
         """The samples of a frame, or the end of a page."""
         if event.kind == "gone":
+            self.over.discard(event.device)
             self.leave(event.device, event.origin or self.host.clock())
             self.host.gone(event.device, "the page was closed")
         elif event.kind == "pen" and event.pen:
@@ -34,6 +37,9 @@ class WebDriver(Driver):
             now = event.origin or self.host.clock()
             newest = event.pen[-1].time
             for one in event.pen:
+                if one.contact and event.device in self.over:
+                    continue
+                self.over.discard(event.device)
                 age = min(max(0, round((newest - one.time) * 1e6)), LATE)  # both on the page's clock, ms
                 self.say(message(event, one, now - age), now)
 
@@ -57,6 +63,7 @@ class WebDriver(Driver):
     def keep(self, now: int) -> None:
         """A page tells a pen that touches four times a second: silence means that nobody holds it."""
         for device in self.touching.late(now, self.host.option("lost")):
+            self.over.add(device)
             self.leave(device, now)
             self.host.gone(device, "the page is silent")
 

@@ -105,7 +105,7 @@ class TouchCore:
         for one in self.fingers.values():
             one.before = (one.x, one.y)
             one.trail.add(scene.now, one.x, one.y)
-            label = one.grab.part.name if one.grab else ""
+            label = one.grab.part.name.replace("_", " ") if one.grab else ""
             meaning.overlay += overlay.finger(one.x, one.y, one.trail.lately(scene.now), camera=one.camera, label=label)
             if isinstance(one.grab, PelvisGrab) and one.grab.goal is not None:
                 meaning.overlay.append(overlay.step_goal(one.grab.goal))

@@ -11,7 +11,8 @@ from bunraku.nodes.renderer.film import SECOND, Film, Shots
 from bunraku.nodes.renderer.view import Engine
 from bunraku.nodes.renderer.window import NoWindow, Window, display
 from bunraku.nodes.renderer.worker import Worker
-from bunraku.runtime.node import Node, param, request, subscribe
+from bunraku.runtime.node import Node, param, request, subscribe, timer
+from bunraku.runtime.presence import Presence
 
 REPORT = 10 * SECOND
 """ns between two lines about frames that this machine was too slow to draw."""
@@ -48,6 +49,7 @@ class Renderer(Node):
     def setup(self) -> None:
         """Open the window, or the thread that films without one."""
         shots = self._shots()
+        self.presence = Presence(getattr(self.stage, "folder", None))
         self._told = (0, 0)
         for name in self.figures:
             if name:
@@ -152,7 +154,17 @@ class Renderer(Node):
         """What a node lays over the picture."""
         self._hear_overlay(message, topic)
 
+    @timer(hz=2)
+    def sweep(self) -> None:
+        """What a node drew goes with the node."""
+        for topic in self.presence.gone():
+            self._draw_overlay(Overlay(), topic)
+
     def _hear_overlay(self, message: Overlay, topic: str) -> None:
+        self.presence.heard(topic, message.seq)
+        self._draw_overlay(message, topic)
+
+    def _draw_overlay(self, message: Overlay, topic: str) -> None:
         own = f"{self.namespace}/"
         self._hear(topic.removeprefix(own) if self.namespace else topic, message)
 

@@ -2,6 +2,7 @@
 
 import gzip
 import hashlib
+import re
 import secrets
 import shutil
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ TYPES = {
     ".glb": "model/gltf-binary",
     ".mp4": "video/mp4",
 }
+ENDING = re.compile(r"\s+// .*$")
 TICKET_SECONDS = 120.0
 MAX_DOWNLOAD = 512 << 20
 
@@ -48,9 +50,10 @@ def asset(body: bytes, suffix: str) -> Asset:
 
 
 def without_comments(text: str) -> str:
-    """JavaScript with its comment lines emptied: what is served is small, and the lines keep their numbers.
+    """JavaScript with its comments taken out: what is served is small, and the lines keep their numbers.
 
-    A comment begins a line (``//``, or ``/**`` and what follows up to ``*/``), as in all of the page's modules.
+    A comment begins a line (``//``, or ``/**`` and what follows up to ``*/``) or ends one (`` // ``, which stands in no
+    string), as in all of the page's modules.
     """
     lines, inside = [], False
     for line in text.split("\n"):
@@ -59,7 +62,7 @@ def without_comments(text: str) -> str:
         comment = inside or begins or bare.startswith("//")
         if inside or begins:
             inside = "*/" not in bare
-        lines.append("" if comment else line.strip())
+        lines.append("" if comment else ENDING.sub("", bare))
     return "\n".join(lines)
 
 

@@ -30,7 +30,8 @@ from bunraku.nodes.web.protocol import (
 )
 from bunraku.nodes.web.server import Hooks, PageServer
 from bunraku.nodes.web.takes import Takes
-from bunraku.runtime.node import BoundPublisher, Node, ParamProblem, Publisher, param, subscribe
+from bunraku.runtime.node import BoundPublisher, Node, ParamProblem, Publisher, param, subscribe, timer
+from bunraku.runtime.presence import Presence
 
 PORTS = 20
 """Ports that are tried from the one asked for on."""
@@ -75,11 +76,14 @@ class Web(Node):
         self.device = True
         self.kept = _Kept()
         self.meshes: set[str] = set()
+        folder: Path | None = getattr(self.stage, "folder", None)
+        self.presence = Presence(folder)
+        self.drawn: dict[str, int] = {}
+        """Topic of an overlay -> its figure's number."""
         names = list(dict.fromkeys(self.figures)) or [""]
         self.said: dict[str, BoundPublisher[Event]] = {}
         for index, figure in enumerate(names):
             self._follow(figure, index)
-        folder: Path | None = getattr(self.stage, "folder", None)
         self.calls = Calls(folder, Takes(Path(self.takes)), self.namespace)
         door = self._door()
         gate = Gate(frozenset(), "https" if self.tls else "http", door.token)
@@ -144,12 +148,24 @@ class Web(Node):
             self.server.offer(f"{index} camera", CAMERA, index, pack_camera(msg))
 
         def on_overlay(msg: Overlay, topic: str) -> None:
-            self.server.offer(f"{index} {topic}", OVERLAY, index, pack_overlay(topic, msg))
+            self.presence.heard(topic, msg.seq)
+            self.drawn[topic] = index
+            self._show_overlay(topic, msg)
 
         self.listen(f"{lead}pose", Pose, on_pose)
         self.listen(f"{lead}skeleton", SkeletonMessage, on_skeleton)
         self.listen(f"{lead}camera", Camera, on_camera)
         self.listen(f"{lead}overlay/*", Overlay, on_overlay)
+
+    def _show_overlay(self, topic: str, msg: Overlay) -> None:
+        index = self.drawn[topic]
+        self.server.offer(f"{index} {topic}", OVERLAY, index, pack_overlay(topic, msg))
+
+    @timer(hz=2)
+    def sweep(self) -> None:
+        """What a node drew goes with the node."""
+        for topic in self.presence.gone():
+            self._show_overlay(topic, Overlay())
 
     def _on_skeleton(self, figure: str, index: int, msg: SkeletonMessage) -> None:
         try:

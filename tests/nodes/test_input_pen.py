@@ -66,6 +66,11 @@ def test_a_silent_page_loses_a_pen_that_touches_but_not_one_that_hovers() -> Non
     stage.advance(0.5)
     said = stage.received("pen")
     assert [(one.device, one.in_range) for one in said[2:]] == [("web-ab", False)]
+    stage.clear()
+    # It was only frozen: the pen draws on when it is lifted and put down again, not from where it is now.
+    for contact in (True, True, False, True):
+        stage.publish("web/events", Event(device="web-ab", kind="pen", pen=[sample(2.0, contact=contact)]))
+    assert [one.contact for one in stage.received("pen")] == [False, True]
 
 
 PERFORMANCE = """

@@ -276,10 +276,31 @@ def test_a_page_that_is_silent_while_it_holds_contacts_loses_them() -> None:
     count = len(stage.received("touch"))
     stage.advance(5.0)
     assert len(stage.received("touch")) == count
-    # It was only frozen: what it still holds is told as new.
-    stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="move", x=0.6, y=0.25)))
-    assert [one.phase for one in stage.last("touch").contacts] == ["down"]
+    # It was only frozen. The figure has moved meanwhile: the finger takes hold of nothing until it is put down again.
+    still = Contact(id=3, phase="move", x=0.6, y=0.25)
+    other = Contact(id=4, phase="down", x=0.1, y=0.1)
+    stage.publish("web/events", page("web-a", "touch", still, other))
+    assert [(one.id, one.phase) for one in stage.last("touch").contacts] == [(4, "down")]
     assert stage.last("device/web_a_touch").connected
+    stage.publish("web/events", page("web-a", "touch", still, Contact(id=4, phase="move", x=0.1, y=0.1)))
+    stage.publish("web/events", page("web-a", "touch", Contact(id=3, phase="up", x=0.6, y=0.25)))
+    assert [(one.id, one.phase) for one in stage.last("touch").contacts] == [(4, "up")]
+    stage.publish("web/events", page("web-a", "touch", finger))
+    assert [(one.id, one.phase) for one in stage.last("touch").contacts] == [(3, "down")]
+
+
+def test_fingers_stay_taken_away_however_often_their_page_falls_silent() -> None:
+    stage = MemoryStage()
+    stage.add(InputTouch, drivers=["web"])
+    first, second = (Contact(id=k, phase="down", x=0.5, y=0.25) for k in (1, 2))
+    moved = [Contact(id=k, phase="move", x=0.5, y=0.3) for k in (1, 2)]
+    stage.publish("web/events", page("web-a", "touch", first))
+    stage.advance(2.0)
+    stage.publish("web/events", page("web-a", "touch", moved[0], second))
+    stage.advance(2.0)
+    assert [(one.id, one.phase) for one in stage.last("touch").contacts] == [(2, "cancel")]
+    stage.publish("web/events", page("web-a", "touch", *moved))
+    assert stage.last("touch").contacts == []
 
 
 def test_a_page_that_holds_nothing_may_be_silent() -> None:

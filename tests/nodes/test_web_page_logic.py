@@ -157,5 +157,20 @@ def test_a_wrong_type_would_be_found(tmp_path: Path) -> None:
 def test_comments_are_left_out_of_what_is_served_and_code_is_not() -> None:
     from bunraku.nodes.web.files import without_comments
 
-    text = "/**\n * doc\n */\n  /** @type {X} */ (y).z();\n/** one line */\nconst a = 1; // kept\n  // gone\nb();\n"
-    assert without_comments(text) == "\n\n\n/** @type {X} */ (y).z();\n\nconst a = 1; // kept\n\nb();\n"
+    text = "/**\n * doc\n */\n  /** @type {X} */ (y).z();\n/** line */\nconst a = 1; // gone\n  // gone\nb('//c');\n"
+    assert without_comments(text) == "\n\n\n/** @type {X} */ (y).z();\n\nconst a = 1;\n\nb('//c');\n"
+
+
+def test_what_is_served_is_still_code(tmp_path: Path) -> None:
+    from bunraku.nodes.web.files import load_page
+
+    words = javascript.node()
+    if words is None:
+        pytest.skip("needs node (18 or later): ./install test")
+    for path, file in load_page().items():
+        if path.endswith(".js"):
+            served = tmp_path / path[1:].replace(".js", ".mjs")
+            served.write_bytes(file.body)
+            assert len(file.body.splitlines()) == len((PAGE / path[1:]).read_bytes().splitlines())
+            run = subprocess.run([*words, "--check", str(served)], capture_output=True, text=True, check=False)
+            assert run.returncode == 0, run.stderr

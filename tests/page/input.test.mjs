@@ -54,14 +54,42 @@ test("every frame holds all fingers that are down", () => {
   assert.deepEqual(phases(contacts.frame(true)), [[1, "move"], [2, "move"]]);
 });
 
-test("after a lost connection fingers that are down are told as new ones", () => {
+test("after a lost connection fingers that are down do nothing until they are put down again", () => {
   const contacts = new Contacts();
   contacts.put("t0", finger(0.1, 0.2));
   contacts.put("t1", finger(0.5, 0.5));
   contacts.frame();
   contacts.end("t1", "up");
-  contacts.renew();
+  assert.equal(contacts.lose(), true);
+  assert.equal(contacts.any, false);
+  contacts.put("t0", finger(0.3, 0.3));
+  assert.equal(contacts.frame(true), null);
+  contacts.put("t2", finger(0.9, 0.9)); // another finger plays
   assert.deepEqual(phases(contacts.frame()), [[3, "down"]]);
+  contacts.end("t0", "up");
+  assert.deepEqual(phases(contacts.frame(true)), [[3, "move"]]);
+  contacts.put("t0", finger(0.3, 0.3));
+  assert.deepEqual(phases(contacts.frame()), [[3, "move"], [4, "down"]]);
+  contacts.endAll("up");
+  contacts.frame();
+  assert.equal(contacts.lose(), false);
+});
+
+test("after a lost connection a pen hovers until it is lifted and put down again", () => {
+  const samples = new PenSamples(), pen = new MousePen(samples);
+  pen.put({x: 0.5, y: 0.5}, 1, 1);
+  samples.frame();
+  assert.equal(samples.lose(), true);
+  pen.put({x: 0.6, y: 0.5}, 1, 2);
+  assert.deepEqual(samples.frame().map(({x, contact, pressure}) => [x, contact, pressure]), [[0.5, false, 0], [0.6, false, 0]]);
+  assert.deepEqual(samples.frame(true), []);
+  pen.put({x: 0.6, y: 0.5}, 0, 3);
+  pen.put({x: 0.7, y: 0.5}, 1, 4);
+  assert.deepEqual(samples.frame().map((one) => one.contact), [false, true]);
+  pen.leave(5);
+  samples.frame();
+  assert.equal(samples.lose(), false);
+  assert.deepEqual(samples.frame(), []);
 });
 
 test("random fingers: each is told down first, then at most one end, and nothing after", () => {

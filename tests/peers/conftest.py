@@ -16,7 +16,7 @@ def launch() -> list[NodeSpec]:
     return [
         node("recorder"), node("input_touch", params={"drivers": ["web"]}),
         node("input_pen", params={"drivers": ["web"]}), node("input_hand", params={"drivers": ["web"]}),
-        node("interpreter"), node("controller"),
+        node("interpreter", respawn=True), node("controller"),
         node("web", params={"port": 0}, respawn=True),
     ]
 '''

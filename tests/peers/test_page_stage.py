@@ -8,11 +8,13 @@ from typing import Any
 
 import av
 import numpy as np
+import pytest
 import trimesh
 from pages import SHOTS, Ear, Hall, Person, needs_browser
 from PIL import Image
 
 from bunraku.runtime.control import ask
+from bunraku.runtime.graph import nodes
 
 pytestmark = needs_browser(300)
 
@@ -45,18 +47,22 @@ def test_a_server_killed_in_mid_drag_is_found_again(person: Person, ear: Callabl
         person.fingers("touchMove", (x, y - 4 * k))
         person.page.wait_for_timeout(16)
     hall.until(lambda: person.where("leftHand")[1] < y - 25)
-    pid = hall.web_pid()
+    pid, camera = hall.pid("web/events"), person.ask("[...bunraku.stage.camera.position]")
     os.kill(pid, signal.SIGKILL)
     person.until("!bunraku.connection.open")
     person.until("document.getElementById('lost').hidden === false", 5)
     person.until("bunraku.connection.open", 40)
-    assert hall.web_pid() != pid
+    assert hall.pid("web/events") != pid
     person.until("document.getElementById('lost').hidden")
-    for k in range(10, 15):
-        person.fingers("touchMove", (x, y - 4 * k))
+    assert person.page.get_by_text("Lift your hand and touch it again").is_visible()
+    person.page.wait_for_timeout(400)
+    person.shot("found-again")
+    for k in range(10):  # what it held has sunk: it neither takes hold of another part nor turns the camera
+        person.fingers("touchMove", (x + 8 * k, y - 40))
         person.page.wait_for_timeout(30)
     person.fingers("touchEnd")
     person.until("!bunraku.contacts.any")
+    assert person.ask("[...bunraku.stage.camera.position]") == pytest.approx(camera, abs=0.02)
     x, y = person.where("leftHand")  # the figure may have let it sink meanwhile
     person.fingers("touchStart", (x, y))
     for k in range(15):
@@ -69,9 +75,27 @@ def test_a_server_killed_in_mid_drag_is_found_again(person: Person, ear: Callabl
     for one in touches.listen():
         for contact in one["contacts"]:
             phases.setdefault(contact["id"], []).append(contact["phase"])
-    assert len(phases) == 3  # the finger is told as a new one after the restart, and then put down again
+    assert len(phases) == 2  # the finger, and when it is put down again
     assert all(one[0] == "down" and one[-1] in ("up", "cancel") for one in phases.values())
     person.faults = [one for one in person.faults if "WebSocket" not in one]  # the browser's line about the lost socket
+
+
+def test_what_a_node_drew_goes_with_the_node(person: Person, hall: Hall) -> None:
+    circles = "(bunraku.stage.overlays.get('overlay/interpreter')?.primitives.length ?? 0)"
+    person.fingers("touchStart", person.where("leftHand"))
+    person.until(f"{circles} > 0")
+    person.shot("drawn")
+    pid = hall.pid("overlay/interpreter")
+    os.kill(pid, signal.SIGKILL)
+    person.fingers("touchEnd")  # the one that comes after it knows of no finger
+    person.until(f"{circles} === 0")
+    person.shot("gone")
+    hall.until(lambda: "interpreter" in nodes(hall.folder) and hall.pid("overlay/interpreter") != pid)
+    x, y = person.where("leftHand")
+    person.fingers("touchStart", (x, y))
+    person.until(f"{circles} > 0")
+    person.fingers("touchEnd")
+    person.until(f"{circles} === 0")
 
 
 def test_a_second_page_watches_the_same_figure(person: Person, browser: Any, hall: Hall) -> None:

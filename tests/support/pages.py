@@ -106,8 +106,9 @@ class Hall:
         self.log.flush()
         return Path(self.log.name).read_text()[-4000:]
 
-    def web_pid(self) -> int:
-        return int(json.loads(file_of(self.folder, "web/events", ".json").read_text())["pid"])
+    def pid(self, topic: str) -> int:
+        """The process that says a topic."""
+        return int(json.loads(file_of(self.folder, topic, ".json").read_text())["pid"])
 
     def close(self) -> None:
         self.process.send_signal(signal.SIGINT)

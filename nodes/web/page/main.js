@@ -41,8 +41,8 @@ function begin() {
     state: showState,
     bundle: (parts, now) => stage.take(parts, now),
     welcome() {
-      stage.playout.reset();
-      outbox.renew();
+      if (outbox.renew()) toast("The connection was lost, and the figure let go. Lift your hand and touch it again.");
+      fingers.release();
       attempt(() => timeline.ask());
     },
     message(message) {
@@ -50,7 +50,10 @@ function begin() {
       else if (message.t === "take") {
         timeline.mark(message.name);
         if (!message.name) attempt(() => timeline.refresh());
-      } else if (message.t === "welcome") showFigures(message.figures);
+      } else if (message.t === "welcome") {
+        stage.renew(message.figures.length);
+        showFigures(message.figures);
+      }
       else if (message.t === "stage") showPart(message);
       else if (message.t === "heard") way.hear(message.ways);
     },

@@ -46,11 +46,15 @@ export class Outbox {
     if (this.send({t: "input", kind, time: now.time, size_m: now.size, ...fields})) this.sent++;
   }
 
-  /** The connection is there again: what is held now is told as new. */
+  /**
+   * The connection is there again: what has a place tells it, and what was held was let go.
+   * @returns {boolean} whether a finger or a pen held something
+   */
   renew() {
-    this.sources.contacts.renew();
-    this.sources.samples.renew();
-    this.sources.hands.changed = true;
+    const {contacts, samples, hands} = this.sources;
+    const fingers = contacts.lose(), pen = samples.lose();
+    hands.changed = true;
     this.told = {};
+    return fingers || pen;
   }
 }

@@ -55,6 +55,9 @@ export function penSample(event, picture, twists) {
   };
 }
 
+/** The same place without touching it. @param {PenSample} sample @returns {PenSample} */
+const lifted = (sample) => ({...sample, contact: false, pressure: 0, buttons: 0, eraser: false});
+
 const MOST = 200; // samples of one frame
 
 /** Gathers the pen's samples between two frames. */
@@ -64,10 +67,14 @@ export class PenSamples {
     this.waiting = [];
     /** @type {PenSample | null} */
     this.last = null;
+    /** The stroke is over though the pen still touches. */
+    this.over = false;
   }
 
   /** @param {PenSample} sample */
   add(sample) {
+    if (!sample.contact) this.over = false;
+    if (this.over) sample = lifted(sample);
     if (this.waiting.length >= MOST) this.waiting.splice(0, MOST / 2); // a page that was held up
     this.waiting.push(sample);
     this.last = sample;
@@ -79,9 +86,16 @@ export class PenSamples {
     this.add({...this.last, time, in_range: false, contact: false, pressure: 0, buttons: 0});
   }
 
-  /** After a lost connection: the pen's place is told again. */
-  renew() {
+  /**
+   * The stage has lost the pen: its place is told again, and a stroke goes on only from where it is put down again.
+   * @returns {boolean} whether it was drawing
+   */
+  lose() {
+    const last = this.last?.in_range ? this.last : null, drew = last?.contact ?? false;
+    this.over ||= drew;
+    if (last && drew) this.last = lifted(last);
     this.waiting = this.last?.in_range ? [this.last] : [];
+    return drew;
   }
 
   /**

@@ -68,6 +68,13 @@ export class Stage {
     this.figures.set(skeleton.index, new Figure(this.gl, skeleton, readMesh(await answer.arrayBuffer())));
   }
 
+  /** Another run of the stage, or the same again, begins to tell what it shows. @param {number} figures how many */
+  renew(figures) {
+    this.playout.reset();
+    this.overlays.clear();
+    for (const index of this.figures.keys()) if (index >= figures) this.figures.delete(index);
+  }
+
   /** @param {import("./wire.js").Part[]} parts @param {number} now */
   take(parts, now) {
     for (const {kind, figure, view} of parts) {

@@ -14,7 +14,8 @@ import {shareOf} from "./view.js";
  */
 export class Contacts {
   constructor() {
-    /** @type {Map<string, {id: number, finger: Finger, told: boolean, ended: null | "up" | "cancel"}>} */
+    /** @type {Map<string, {id: number, finger: Finger, told: boolean, ended: null | "up" | "cancel",
+     *   over: boolean}>} `over`: still down, and of no effect */
     this.live = new Map();
     this.next = 1;
     this.changed = false;
@@ -27,8 +28,9 @@ export class Contacts {
       this.live.set(`${key} ${one.id}`, one);
       one = undefined;
     }
+    if (one?.over) return;
     if (one) one.finger = finger;
-    else this.live.set(key, {id: this.next++, finger, told: false, ended: null});
+    else this.live.set(key, {id: this.next++, finger, told: false, ended: null, over: false});
     this.changed = true;
   }
 
@@ -36,6 +38,10 @@ export class Contacts {
   end(key, how) {
     const one = this.live.get(key);
     if (!one || one.ended) return;
+    if (one.over) {
+      this.live.delete(key);
+      return;
+    }
     one.ended = how;
     this.changed = true;
   }
@@ -45,18 +51,25 @@ export class Contacts {
     for (const key of this.live.keys()) if (key.startsWith(prefix)) this.end(key, how);
   }
 
-  /** After a lost connection: fingers that are still down are told as new ones. */
-  renew() {
+  /**
+   * The stage has let go of all that is down: these fingers do nothing more, for by now another part may be under
+   * them. A finger that comes later is a new one.
+   * @returns {boolean} whether any was down
+   */
+  lose() {
+    const any = [...this.live.values()].some((one) => !one.ended);
     for (const [key, one] of this.live) {
       if (one.ended) this.live.delete(key);
-      else this.live.set(key, {...one, id: this.next++, told: false});
+      else one.over = true;
     }
-    this.changed = this.live.size > 0;
+    this.changed = false;
+    return any;
   }
 
-  /** Whether any finger is down. */
+  /** Whether any finger is down that holds something. */
   get any() {
-    return this.live.size > 0;
+    for (const one of this.live.values()) if (!one.over) return true;
+    return false;
   }
 
   /**
@@ -70,6 +83,7 @@ export class Contacts {
     /** @type {Contact[]} */
     const out = [];
     for (const [key, one] of this.live) {
+      if (one.over) continue;
       if (!one.told) {
         out.push({id: one.id, phase: "down", ...one.finger});
         one.told = true;
