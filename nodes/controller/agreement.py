@@ -16,7 +16,7 @@ from bunraku.figure.quat import angle, mul_inv, slerp
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
 from bunraku.nodes.controller.blend import blend_point, blend_turn
-from bunraku.nodes.controller.collision import Contacts
+from bunraku.nodes.controller.contacts import Contacts
 from bunraku.nodes.controller.legs import keep_pelvis_over_feet, lean_room
 from bunraku.nodes.controller.placing import place_body
 from bunraku.nodes.controller.state import Gains, Held, State, Under
@@ -43,6 +43,8 @@ REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.06, 8.0, 0.4
 """How far the pelvis goes for every metre of the held ends, m/s on top, rad/m and rad/s for the trunk."""
+BODY_FASTEST = 1.8
+"""m/s at which hands pull the pelvis along at most: about the fastest lunge or squat of a person."""
 UNTOUCHED = 2e-3
 """m and rad, summed over all parts, up to which a figure is where its motion has it."""
 FROM_MOTION = 0.12
@@ -262,7 +264,7 @@ def hold_back(
         q = np.empty(4)
         mul_inv(st.turns[0], trunk, q)
         turned = angle(q)
-    most = min(1.0, (BODY_WAY * moved + BODY_SPEED * dt) / max(sqrt(way), 1e-9))
+    most = min(1.0, min(BODY_WAY * moved + BODY_SPEED * dt, BODY_FASTEST * dt) / max(sqrt(way), 1e-9))
     most = min(most, (BODY_TURN * moved + BODY_SPIN * dt) / max(turned, 1e-9))
     if most >= 1.0:
         return False

@@ -7,24 +7,21 @@ is. Part of a push on a forearm or shin turns the elbow or knee.
 """
 
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.boxes import box_axes, pair_gap, place_boxes_into
+from bunraku.figure.boxes import place_boxes_into
 from bunraku.figure.jit import kernel, kernel_inline
-from bunraku.figure.limits import Limits
-from bunraku.figure.quat import angle, mul_inv, rotate
+from bunraku.figure.quat import angle, mul_inv
 from bunraku.figure.rig import Rig
+from bunraku.nodes.controller.contacts import NEAR, Contacts, deepest_contact, mark_limb, push_limb, yields
+from bunraku.nodes.controller.pacing import pace_leg
 from bunraku.nodes.controller.placing import place_limb
 from bunraku.nodes.controller.state import Gains, State, Under
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
-NEAR = 0.031
-"""m: what is farther apart is not measured."""
 SOON = 1.0 / 15.0
 """s: two of the longest steps, so that a limb that is about to touch something does so at the contact's own rate."""
 ARM, CARRIED = 0.6, 0.02
@@ -44,9 +41,6 @@ SLIDE_TURN, CREEP_TURN = 8.0, 0.7
 """rad/m and rad/s: the same for the turn of its elbow or knee."""
 LEAST_PROGRESS, LEAST_FREE = 0.012, 0.002
 """m/s: a driven and a free one that come no nearer than this stay where they are."""
-LEAST_LEVER, LEAST_BEND, MOST_PUSH = 0.1, 0.02, 0.05
-"""Share of the upper bone below which a contact is taken for farther out; m that an elbow stands out before it is
-turned; m that one push moves the end at most."""
 WAIT = 0.5
 """s that a free limb rests on something before it slides on."""
 TOUCH, LEAN = 1e-3, 4e-4
@@ -60,189 +54,10 @@ PUSH_HALF_LIFE = 0.25
 """s in which the turn of an elbow that avoided something goes back."""
 
 
-class Contacts(NamedTuple):
-    """What may touch what, and how far joints go."""
-
-    parts: Index  # (4, 4) joints with a box of each limb, from upper on; -1 for none
-    others: Index  # (4, 4, K) joints that each part must not overlap; -1 for none
-    limits: Limits
-
-
-def pack_contacts(contacts: Contacts) -> tuple[Index, Array]:
-    """Contacts in two arrays; see `unpack_contacts`."""
-    limits = contacts.limits
-    ints = [np.array([contacts.others.shape[2]]), contacts.parts, contacts.others, limits.kinds]
-    floats = [limits.centers, limits.axes, limits.ranges]
-    return np.concatenate([a.ravel() for a in ints]), np.concatenate([a.ravel() for a in floats])
-
-
-@kernel
-def unpack_contacts(ints: Index, floats: Array, joints: int) -> Contacts:
-    """What `pack_contacts` packed, as views."""
-    widest = ints[0]
-    i = 17 + 16 * widest
-    limits = Limits(
-        ints[i : i + joints],
-        floats[0 : 4 * joints].reshape(joints, 4),
-        floats[4 * joints : 13 * joints].reshape(joints, 3, 3),
-        floats[13 * joints : 19 * joints].reshape(joints, 3, 2),
-    )
-    return Contacts(ints[1:17].reshape(4, 4), ints[17:i].reshape(4, 4, widest), limits)
-
-
-@kernel
-def contact_point(center: Array, axes: Array, half: Array, way: Array, out: Array) -> None:
-    """Where a box (its centre, axes and half extents) is touched from the side to which ``way`` (3, unit) points."""
-    for k in range(3):
-        out[k] = center[k]
-    for n in range(3):
-        along = axes[n, 0] * way[0] + axes[n, 1] * way[1] + axes[n, 2] * way[2]
-        # The middle of a face that is touched flat, a corner where it is pointed at.
-        share = half[n] * min(1.0, max(-1.0, 3.0 * along))
-        for k in range(3):
-            out[k] += share * axes[n, k]
-
-
-@kernel
-def deepest_contact(
-    rig: Rig, contacts: Contacts, limb: int, yielding: Array, positions_ws: Array, rotations_ws: Array,
-    centers: Array, axes: Array, push: Array,
-) -> float:  # fmt: skip
-    """The smallest gap (m, negative for an overlap) of a limb with the rest.
-
-    ``yielding`` (J,) is 1 for joints that get out of this limb's way.
-    ``push`` (4): the way out (3) and where on its bone: 0 upper bone's root .. 1 elbow .. 2 end and beyond.
-    """
-    least = 1e9
-    axis, v, point = np.empty(3), np.empty(3), np.empty(3)
-    upper, lower = rig.limbs[limb, 0], rig.limbs[limb, 1]
-    for n in range(4):
-        part = contacts.parts[limb, n]
-        if part < 0:
-            continue
-        rotate(rotations_ws[part], rig.box_centers[part], centers[part])
-        for k in range(3):
-            centers[part, k] += positions_ws[part, k]
-        box_axes(rotations_ws[part], axes[part])
-        for m in range(contacts.others.shape[2]):
-            other = contacts.others[limb, n, m]
-            if other < 0:
-                break
-            if yielding[other] > 0.5:
-                continue
-            gap = pair_gap(centers, axes, rig.box_sizes, part, other, axis, NEAR)
-            if gap < least:
-                least = gap
-                for k in range(3):
-                    push[k] = axis[k]
-                if n >= 2:
-                    push[3] = 2.0
-                else:
-                    bone = upper if n == 0 else lower
-                    far = lower if n == 0 else rig.limbs[limb, 2]
-                    contact_point(centers[other], axes[other], rig.box_sizes[other], axis, point)
-                    along, length = 0.0, 0.0
-                    for k in range(3):
-                        v[k] = positions_ws[far, k] - positions_ws[bone, k]
-                        along += v[k] * (point[k] - positions_ws[bone, k])
-                        length += v[k] * v[k]
-                    push[3] = n + min(1.0, max(0.0, along / max(length, 1e-9)))
-    return least
-
-
-@kernel
-def push_limb(
-    rig: Rig, st: State, limb: int, push: Array, depth: float, most_turn: float, positions_ws: Array,
-    rotations_ws: Array,
-) -> None:  # fmt: skip
-    """Move a limb's end, and turn its elbow or knee, by the least that moves the contact ``depth`` (m) out.
-
-    With the end at ``d u`` from the root and the hinge at ``a u + h p`` (``u``, ``p`` the axis and the pole), a
-    small movement ``v`` of the end and ``t`` of the swivel moves the hinge by ``(a' u + h' p)(v·u) + (a/d) v_t -
-    (h/d)(v·p) u + h t (u x p)``; the contact lies on the bone above or below it, and the push is the least-squares
-    solution of that one equation along its way out.
-    """
-    upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
-    axis, pole, lead = np.empty(3), np.empty(3), np.empty(3)
-    d = 0.0
-    for k in range(3):
-        axis[k] = positions_ws[end, k] - positions_ws[upper, k]
-        d += axis[k] * axis[k]
-    d = max(sqrt(d), 1e-6)
-    a = 0.0
-    for k in range(3):
-        axis[k] /= d
-        pole[k] = positions_ws[lower, k] - positions_ws[upper, k]
-        a += pole[k] * axis[k]
-    h = 0.0
-    for k in range(3):
-        pole[k] -= a * axis[k]
-        h += pole[k] * pole[k]
-    radius = sqrt(h)
-    h = max(radius, LEAST_BEND)
-    out_axis, out_pole = 0.0, 0.0
-    for k in range(3):
-        pole[k] /= max(radius, 1e-9)
-        out_axis += push[k] * axis[k]
-        out_pole += push[k] * pole[k]
-    # How much of the hinge's and of the end's movement the contact makes.
-    place = push[3]
-    by_hinge = max(LEAST_LEVER, place) if place < 1.0 else 2.0 - place
-    by_end = max(0.0, place - 1.0)
-    grow = 1.0 - a / d
-    radial = grow * out_axis - a * grow / h * out_pole
-    total = 0.0
-    for k in range(3):
-        across = push[k] - out_axis * axis[k]
-        lead[k] = by_hinge * (radial * axis[k] + a / d * across - h / d * out_axis * pole[k]) + by_end * push[k]
-        total += lead[k] * lead[k]
-    square = (axis[1] * pole[2] - axis[2] * pole[1]) * push[0]
-    square += (axis[2] * pole[0] - axis[0] * pole[2]) * push[1]
-    square += (axis[0] * pole[1] - axis[1] * pole[0]) * push[2]
-    square = by_hinge * square if radius > LEAST_BEND else 0.0
-    total += square * square
-    if total < 1e-4:
-        return
-    size = 0.0
-    for k in range(3):
-        lead[k] *= depth / total
-        size += lead[k] * lead[k]
-    shorter = min(1.0, MOST_PUSH / max(sqrt(size), 1e-9))
-    for k in range(3):
-        st.points[limb + 1, k] += shorter * lead[k]
-    if radius > LEAST_BEND:
-        turn = depth * square / total / radius
-        st.swivels[limb] += min(most_turn, max(-most_turn, turn))
-
-
 @kernel
 def distance(a: Array, b: Array) -> float:
     """Between two points (3), m."""
     return sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-@kernel
-def mark_limb(rig: Rig, limb: int, value: float, out: Array) -> None:
-    """Set a value of ``out`` (J,) for all joints of a limb."""
-    upper = rig.limbs[limb, 0]
-    for joint in range(upper, rig.parents.shape[0]):
-        if joint != upper and rig.parents[joint] < upper:
-            break
-        out[joint] = value
-
-
-@kernel_inline
-def yields(rig: Rig, st: State, flags: Array, limb: int, out: Array) -> None:
-    """Which joints (J,) get out of a limb's way: free limbs yield to driven ones, arms to legs."""
-    for joint in range(out.shape[0]):
-        out[joint] = 0.0
-    mine = 3.0 if flags[1 + limb] > 0.5 else (2.0 if limb >= 2 else 1.0)
-    for other in range(4):
-        rank = 3.0 if flags[1 + other] > 0.5 else (2.0 if other >= 2 else 1.0)
-        if other >= 2 and st.planted[other - 2] > 0.5:
-            rank = 4.0
-        if rank < mine:
-            mark_limb(rig, other, 1.0, out)
 
 
 @kernel
@@ -301,15 +116,117 @@ def own_limits(st: State, under: Under, flags: Array, untouched: bool, out: Arra
 
 
 @kernel
+def avoid_with(
+    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, limb: int, flags: Array, limited: bool,
+    yielding: Array, body: float, swivel_before: float, plain: float, moved: float, rotations_ls: Array,
+    positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array, dt: float,
+) -> None:  # fmt: skip
+    """Move one limb out of the body and into its limits, in place; see `avoid`.
+
+    Args:
+        yielding: (J,) 1 for joints that get out of this limb's way.
+        body: m/s at which trunk and pelvis move about.
+    """
+    row = limb + 1
+    goal, start, at_start, push = np.empty(3), np.empty(3), np.empty(3), np.empty(4)
+    turn_before, change = np.empty(4), np.empty(4)
+    st.stuck[limb] = max(0.0, st.stuck[limb] - dt) if flags[row] < 0.5 else 0.0
+    root = positions_ws[rig.limbs[limb, 0]]
+    for k in range(3):
+        goal[k] = st.points[row, k]
+        # The last place, taken along with the shoulder or hip.
+        start[k] = st.wishes[limb, k] + root[k] - st.roots[limb, k]
+    wanted = st.swivels[limb]
+    gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
+    way = distance(goal, start)
+    nearing = NEAR if flags[row] < 0.5 and body > CARRIED else SOON * (moved / max(dt, 1e-9) + body)
+    if flags.max() > 0.5 and gap < min(NEAR, nearing):
+        st.mode[2] = 1.0
+    if gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
+        if gap > 0.008:
+            st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
+        for k in range(3):
+            st.wishes[limb, k] = goal[k]
+            if limited:
+                st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
+            if flags[row] < 0.5:
+                st.wishes[limb, k] = st.points[row, k]
+        return
+    st.mode[2] = 1.0
+    apart = TOUCH if flags[row] > 0.5 else LEAN
+    # From the last place, where it was free unless the body moved.
+    gap = go(
+        rig, gains, st, under, contacts, limb, start, swivel_before, goal, wanted, 0.0, 0, 1.0, 1.0,
+        apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+    )  # fmt: skip
+    gap_before = gap
+    upper = rig.limbs[limb, 0]
+    turn_before[:] = rotations_ws[upper]
+    far = distance(goal, positions_ws[rig.limbs[limb, 2]])
+    for k in range(3):
+        at_start[k] = positions_ws[rig.limbs[limb, 2], k]
+    farthest = SLIDE * moved + CREEP * dt
+    share = min(1.0, farthest / max(way, 1e-9))
+    done = False
+    # No deeper than it was where the body has moved into it, and never deep.
+    least_gap = -1e-4 if gap_before >= -1e-4 else max(gap_before, -0.8 * SHALLOW)
+    for _ in range(TRIES):
+        gap = go(
+            rig, gains, st, under, contacts, limb, start, swivel_before, goal, wanted, share, PUSHES, 0.2,
+            1.0, apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+        )  # fmt: skip
+        nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
+        mul_inv(rotations_ws[upper], turn_before, change)
+        turned = max(abs(st.swivels[limb] - swivel_before), angle(change))
+        slips = turned > SLIDE_TURN * moved + CREEP_TURN * dt
+        slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
+        # A free limb's goal is always just ahead: after a while it may also slide past what is in its way.
+        least = LEAST_PROGRESS if flags[row] > 0.5 else LEAST_FREE
+        rests = nearer < least * dt and (flags[row] > 0.5 or st.stuck[limb] < WAIT)
+        done = gap >= least_gap and not rests and not slips
+        if done:
+            break
+        share *= 0.5
+    if not done:
+        st.stuck[limb] = min(1.0, st.stuck[limb] + 2.0 * dt)
+        # It stays (eq. 27 with t = 0); where the body has moved into it, it only gets out, gently if it can.
+        pushes, most_turn, deepest = 0, 0.0, 0.0
+        if gap_before < -1e-4:
+            pushes, most_turn, deepest = RESCUES, 0.2, 1.0
+            if gap_before > -SHALLOW:
+                pushes, most_turn, deepest = 1, CREEP_TURN * dt, CREEP * dt
+        for n in range(GENTLER + 1):
+            go(
+                rig, gains, st, under, contacts, limb, start, swivel_before, goal, wanted, 0.0, pushes,
+                most_turn, deepest, apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers,
+                axes, push,
+            )  # fmt: skip
+            mul_inv(rotations_ws[upper], turn_before, change)
+            if pushes != 1 or angle(change) <= SLIDE_TURN * moved + CREEP_TURN * dt:
+                break
+            # (Where joints are at their limits, a small push may turn them far.)
+            deepest *= 0.5 if n < GENTLER - 1 else 0.0
+    off = st.swivels[limb] - plain
+    st.pushes[limb] = min(1.6, max(-1.6, off))
+    st.extra[limb] = st.swivels[limb] - under.swivels[limb]
+    st.extra_rates[limb] = 0.0
+    for k in range(3):
+        st.wishes[limb, k] = st.points[row, k]
+        st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
+        if flags[row] < 0.5:
+            st.wishes[limb, k] = st.points[row, k]
+
+
+@kernel
 def avoid(
     rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, untouched: bool, flags: Array,
-    limits_kept: Array, swivels_before: Array, plain: Array, moved: Array, rotations_ls: Array, positions_ws: Array,
-    rotations_ws: Array, dt: float,
+    limits_kept: Array, swivels_before: Array, plain: Array, moved: Array, legs_before: Array, rotations_ls: Array,
+    positions_ws: Array, rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
-    """Move limbs out of the body and into their limits, in place.
+    """Move limbs out of the body and into their limits, in place; legs in the air at their own pace.
 
     A limb that is in the way goes on only where that brings it nearer to its goal, so one that cannot come
-    nearer rests.
+    nearer rests. Driven limbs come first, then legs, then arms: each gets out of the way of those before it.
 
     Args:
         untouched: nothing is held and everything is where its motion has it.
@@ -318,126 +235,40 @@ def avoid(
         swivels_before: (4,) rad, of the last step.
         plain: (4,) rad, the swivels without what earlier contacts added.
         moved: (4,) m, how far each limb's goal has moved: what touches something slides about as fast.
+        legs_before: (2, 3, 4) hips, knees and ankles at the last step (`legs_into`).
     """
     joints = rig.parents.shape[0]
-    centers, axes, push = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4)
-    yielding = np.empty(joints)
+    centers, axes, yielding = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(joints)
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
-    goal, start, at_start = np.empty(3), np.empty(3), np.empty(3)
-    turn_before, change = np.empty(4), np.empty(4)
-    driven = flags.max() > 0.5
     body = 0.0
     for k in range(3):
         body += abs(st.drifts[0, k]) + ARM * abs(st.drifts[1, k])
-    order = np.array([0, 1, 2, 3])
-    count = 0
     for rank in range(3):
         for limb in range(4):
-            own = 0 if flags[1 + limb] > 0.5 else (1 if limb >= 2 else 2)
-            if own == rank:
-                order[count] = limb
-                count += 1
-    for turn in range(4):
-        limb = order[turn]
-        row = limb + 1
-        own = under.active[0] > 0.5 and flags[row] < 0.5
-        if is_fixed(st, under, flags, untouched, limb):
-            st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
-            for k in range(3):
-                st.wishes[limb, k] = st.points[row, k]
-            continue
-        if own:
-            # Of a motion's own arms only what the touched limbs do to them counts.
-            for joint in range(joints):
-                yielding[joint] = 1.0
-            for other in range(4):
-                if flags[1 + other] > 0.5:
-                    mark_limb(rig, other, 0.0, yielding)
-        else:
-            yields(rig, st, flags, limb, yielding)
-        limited = limits_kept[limb] > 0.5
-        st.stuck[limb] = max(0.0, st.stuck[limb] - dt) if flags[row] < 0.5 else 0.0
-        root = positions_ws[rig.limbs[limb, 0]]
-        for k in range(3):
-            goal[k] = st.points[row, k]
-            # The last place, taken along with the shoulder or hip.
-            start[k] = st.wishes[limb, k] + root[k] - st.roots[limb, k]
-        wanted = st.swivels[limb]
-        gap = deepest_contact(rig, contacts, limb, yielding, positions_ws, rotations_ws, centers, axes, push)
-        way = distance(goal, start)
-        nearing = NEAR if flags[row] < 0.5 and body > CARRIED else SOON * (moved[limb] / max(dt, 1e-9) + body)
-        if driven and gap < min(NEAR, nearing):
-            st.mode[2] = 1.0
-        if gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
-            if gap > 0.008:
+            row = limb + 1
+            if rank != (0 if flags[row] > 0.5 else (1 if limb >= 2 else 2)):
+                continue
+            if is_fixed(st, under, flags, untouched, limb):
                 st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
-            for k in range(3):
-                st.wishes[limb, k] = goal[k]
-                if limited:
-                    st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
-                if flags[row] < 0.5:
+                for k in range(3):
                     st.wishes[limb, k] = st.points[row, k]
-            continue
-        st.mode[2] = 1.0
-        apart = TOUCH if flags[row] > 0.5 else LEAN
-        # From the last place, where it was free unless the body moved.
-        gap = go(
-            rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, 0, 1.0, 1.0,
-            apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
-        )  # fmt: skip
-        gap_before = gap
-        upper = rig.limbs[limb, 0]
-        turn_before[:] = rotations_ws[upper]
-        far = distance(goal, positions_ws[rig.limbs[limb, 2]])
-        for k in range(3):
-            at_start[k] = positions_ws[rig.limbs[limb, 2], k]
-        farthest = SLIDE * moved[limb] + CREEP * dt
-        share = min(1.0, farthest / max(way, 1e-9))
-        done = False
-        # No deeper than it was where the body has moved into it, and never deep.
-        least_gap = -1e-4 if gap_before >= -1e-4 else max(gap_before, -0.8 * SHALLOW)
-        for _ in range(TRIES):
-            gap = go(
-                rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, share, PUSHES, 0.2,
-                1.0, apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers, axes, push,
+                continue
+            if under.active[0] > 0.5 and flags[row] < 0.5:
+                # Of a motion's own arms only what the touched limbs do to them counts.
+                for joint in range(joints):
+                    yielding[joint] = 1.0
+                for other in range(4):
+                    if flags[1 + other] > 0.5:
+                        mark_limb(rig, other, 0.0, yielding)
+            else:
+                yields(rig, st, flags, limb, yielding)
+            avoid_with(
+                rig, gains, st, under, contacts, limb, flags, limits_kept[limb] > 0.5, yielding, body,
+                swivels_before[limb], plain[limb], moved[limb], rotations_ls, positions_ws, rotations_ws, centers,
+                axes, dt,
             )  # fmt: skip
-            nearer = far - distance(goal, positions_ws[rig.limbs[limb, 2]])
-            mul_inv(rotations_ws[upper], turn_before, change)
-            turned = max(abs(st.swivels[limb] - swivels_before[limb]), angle(change))
-            slips = turned > SLIDE_TURN * moved[limb] + CREEP_TURN * dt
-            slips = slips or distance(at_start, positions_ws[rig.limbs[limb, 2]]) > 2.0 * farthest
-            # A free limb's goal is always just ahead: after a while it may also slide past what is in its way.
-            least = LEAST_PROGRESS if flags[row] > 0.5 else LEAST_FREE
-            rests = nearer < least * dt and (flags[row] > 0.5 or st.stuck[limb] < WAIT)
-            done = gap >= least_gap and not rests and not slips
-            if done:
-                break
-            share *= 0.5
-        if not done:
-            st.stuck[limb] = min(1.0, st.stuck[limb] + 2.0 * dt)
-            # It stays (eq. 27 with t = 0); where the body has moved into it, it only gets out, gently if it can.
-            pushes, most_turn, deepest = 0, 0.0, 0.0
-            if gap_before < -1e-4:
-                pushes, most_turn, deepest = RESCUES, 0.2, 1.0
-                if gap_before > -SHALLOW:
-                    pushes, most_turn, deepest = 1, CREEP_TURN * dt, CREEP * dt
-            for n in range(GENTLER + 1):
-                go(
-                    rig, gains, st, under, contacts, limb, start, swivels_before[limb], goal, wanted, 0.0, pushes,
-                    most_turn, deepest, apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers,
-                    axes, push,
+            if limb >= 2 and under.active[0] < 0.5:
+                pace_leg(
+                    rig, st, under, contacts, limb - 2, flags[row] > 0.5, legs_before[limb - 2], yielding,
+                    rotations_ls, positions_ws, rotations_ws, centers, axes, dt,
                 )  # fmt: skip
-                mul_inv(rotations_ws[upper], turn_before, change)
-                if pushes != 1 or angle(change) <= SLIDE_TURN * moved[limb] + CREEP_TURN * dt:
-                    break
-                # (Where joints are at their limits, a small push may turn them far.)
-                deepest *= 0.5 if n < GENTLER - 1 else 0.0
-        off = st.swivels[limb] - plain[limb]
-        st.pushes[limb] = min(1.6, max(-1.6, off))
-        st.extra[limb] = st.swivels[limb] - under.swivels[limb]
-        st.extra_rates[limb] = 0.0
-        for k in range(3):
-            st.wishes[limb, k] = st.points[row, k]
-            st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
-            if flags[row] < 0.5:
-                st.wishes[limb, k] = st.points[row, k]

@@ -16,7 +16,7 @@ from bunraku.figure.rig import Rig, pack_rig, rig_of
 from bunraku.figure.skeleton import Skeleton
 from bunraku.figure.spring import spring_decay_into
 from bunraku.figure.support import margin_in_hull
-from bunraku.nodes.controller.collision import Contacts, pack_contacts
+from bunraku.nodes.controller.contacts import Contacts, pack_contacts
 from bunraku.nodes.controller.stack import advance_packed
 from bunraku.nodes.controller.state import (
     HELD_SIZE,

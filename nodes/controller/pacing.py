@@ -5,13 +5,12 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from bunraku.figure.boxes import place_boxes_into
 from bunraku.figure.jit import kernel
 from bunraku.figure.limits import Limits, clamp_joint, joint_excess
 from bunraku.figure.pointpose import keep_above_floor
-from bunraku.figure.quat import angle, inv_mul, mul_inv, slerp
+from bunraku.figure.quat import angle, exp, inv_mul, mul, mul_inv, slerp
 from bunraku.figure.rig import Rig
-from bunraku.nodes.controller.collision import Contacts, deepest_contact
+from bunraku.nodes.controller.contacts import Contacts, deepest_contact
 from bunraku.nodes.controller.placing import carry_from
 from bunraku.nodes.controller.state import State, Under
 from bunraku.nodes.controller.step import IDLE, PHASE
@@ -23,8 +22,10 @@ LEG_SPEED = 16.0
 there may be two ways to be near it; the leg goes from one to the other in some frames, not in one."""
 RETURN, RETURN_WAY = 0.8, 6.0
 """rad/s, and rad/m of its foot's way, at which a leg that limits have turned aside goes back to its swivel."""
-OVERLAP = 2e-3
-"""m that a leg on its way from one to the other may overlap the rest."""
+OVERLAP, STAY = 2e-3, 4e-3
+"""m that a leg on its way from one to the other, and one that stays where it was, may overlap the rest."""
+PUSHES, PUSHED = 4, 0.5
+"""Most times that such a leg is turned out of what it runs into, and share of `LEG_SPEED` by which it is at most."""
 STANDS = 4e-3
 """m above its standing height up to which a foot that comes down has landed."""
 OVER_RANGE, OFF_LEVEL = 0.01, 0.05
@@ -51,57 +52,105 @@ def allow_return(st: State, before: Array, dt: float) -> None:
 
 
 @kernel
-def pace_legs(
-    rig: Rig, st: State, under: Under, contacts: Contacts, flags: Array, before: Array, rotations_ls: Array,
-    positions_ws: Array, rotations_ws: Array, dt: float,
+def turn_out(rig: Rig, side: int, push: Array, depth: float, most: float, positions_ws: Array, turn: Array) -> float:
+    """The turn (4) about a hip that moves a contact of its leg ``depth`` (m) out, by at most ``most`` (rad); its angle.
+
+    ``push`` (4) is the way out (3) and where on the leg it lies, see `deepest_contact`.
+    """
+    hip, knee, ankle = rig.limbs[2 + side, 0], rig.limbs[2 + side, 1], rig.limbs[2 + side, 2]
+    near, far, place = hip, knee, push[3]
+    if place > 1.0:
+        near, far, place = knee, ankle, place - 1.0
+    arm, axis = np.empty(3), np.empty(3)
+    for k in range(3):
+        arm[k] = positions_ws[near, k] + place * (positions_ws[far, k] - positions_ws[near, k]) - positions_ws[hip, k]
+    axis[0] = arm[1] * push[2] - arm[2] * push[1]
+    axis[1] = arm[2] * push[0] - arm[0] * push[2]
+    axis[2] = arm[0] * push[1] - arm[1] * push[0]
+    square = max(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2, 1e-4)
+    angle_ = min(most, depth / sqrt(square))
+    for k in range(3):
+        axis[k] *= angle_ / sqrt(square)
+    exp(axis, turn)
+    return float(angle_)
+
+
+@kernel
+def pose_leg_between(
+    rig: Rig, under: Under, contacts: Contacts, side: int, before: Array, wanted: Array, share: float,
+    deepest: float, most: float, yielding: Array, centers: Array, axes: Array, rotations_ls: Array,
+    positions_ws: Array, rotations_ws: Array,
+) -> float:  # fmt: skip
+    """Pose a leg a share of the way from one to another, and turn it out of what it runs into there.
+
+    Args:
+        before, wanted: (3, 4) local rotations of hip, knee and ankle.
+        deepest: m that it may overlap the rest without being turned; ``most`` rad by which it is turned at most.
+
+    Returns:
+        The gap (m) that it ends with.
+    """
+    upper, end = rig.limbs[2 + side, 0], rig.limbs[2 + side, 2]
+    push, turn, parent = np.empty(4), np.empty(4), rotations_ws[rig.parents[upper]]
+    for n in range(3):
+        joint = rig.limbs[2 + side, n]
+        slerp(before[n], wanted[n], share, rotations_ls[joint])
+        clamp_joint(contacts.limits, joint, rotations_ls[joint])
+    gap, turned = 0.0, 0.0
+    for n in range(PUSHES + 1):
+        carry_from(rig, upper, rotations_ls, positions_ws, rotations_ws)
+        keep_above_floor(rig, side, positions_ws[end, 1] - under.base.floors[side], rotations_ws[end])
+        inv_mul(rotations_ws[rig.parents[end]], rotations_ws[end], rotations_ls[end])
+        clamp_joint(contacts.limits, end, rotations_ls[end])
+        carry_from(rig, end, rotations_ls, positions_ws, rotations_ws)
+        gap = deepest_contact(rig, contacts, 2 + side, yielding, positions_ws, rotations_ws, centers, axes, push)
+        if gap > -deepest or n == PUSHES or turned >= most:
+            break
+        turned += turn_out(rig, side, push, -gap, most - turned, positions_ws, turn)
+        mul(turn, rotations_ws[upper], turn)
+        inv_mul(parent, turn, rotations_ls[upper])
+        clamp_joint(contacts.limits, upper, rotations_ls[upper])
+    return gap
+
+
+@kernel
+def pace_leg(
+    rig: Rig, st: State, under: Under, contacts: Contacts, side: int, held: bool, before: Array, yielding: Array,
+    rotations_ls: Array, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array, dt: float,
 ) -> None:  # fmt: skip
     """Let no joint of a leg in the air turn faster than `LEG_SPEED`; the leg follows late instead.
 
     Args:
-        before: (2, 3, 4) hip, knee and ankle at the last step (`legs_into`).
-        flags: (5,) which points are driven.
+        before: (3, 4) hip, knee and ankle at the last step (`legs_into`).
+        yielding: (J,) 1 for joints that get out of its way.
+        centers, axes: (J, 3) and (J, 3, 3) of all boxes.
     """
-    q, most = np.empty(4), LEG_SPEED * dt
-    joints = rig.parents.shape[0]
+    q, most, fastest = np.empty(4), LEG_SPEED * dt, 0.0
     wanted = np.empty((3, 4))
-    for side in range(2):
-        if st.planted[side] > 0.5:
-            continue
-        fastest = 0.0
-        for n in range(3):
-            wanted[n] = rotations_ls[rig.limbs[2 + side, n]]
-            mul_inv(wanted[n], before[side, n], q)
-            fastest = max(fastest, angle(q))
-        if fastest <= most:
-            continue
+    for n in range(3):
+        wanted[n] = rotations_ls[rig.limbs[2 + side, n]]
+        mul_inv(wanted[n], before[n], q)
+        fastest = max(fastest, angle(q))
+    if fastest <= most:
+        return
+    share = most / fastest
+    for way in range(3):
+        gap = pose_leg_between(
+            rig, under, contacts, side, before, wanted, share, OVERLAP, PUSHED * most if way < 2 else 0.0, yielding,
+            centers, axes, rotations_ls, positions_ws, rotations_ws,
+        )  # fmt: skip
+        if gap > -(OVERLAP if way == 0 else STAY):
+            break
+        # Where it cannot go straight over a held foot stays; where that is no place either, it is put over.
+        share = 0.0 if way == 0 and held else 1.0
+    # From here on, the way that it is nearest to.
+    st.sought[side] = 1.0
+    if st.step[PHASE] == IDLE:
         end = rig.limbs[2 + side, 2]
-        centers, axes, push, nobody = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4), np.zeros(joints)
-        place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
-        share = most / fastest
-        for way in range(3):
-            for n in range(3):
-                joint = rig.limbs[2 + side, n]
-                slerp(before[side, n], wanted[n], share, rotations_ls[joint])
-                clamp_joint(contacts.limits, joint, rotations_ls[joint])
-            carry_from(rig, rig.limbs[2 + side, 0], rotations_ls, positions_ws, rotations_ws)
-            keep_above_floor(rig, side, positions_ws[end, 1] - under.base.floors[side], rotations_ws[end])
-            inv_mul(rotations_ws[rig.parents[end]], rotations_ws[end], rotations_ls[end])
-            clamp_joint(contacts.limits, end, rotations_ls[end])
-            carry_from(rig, end, rotations_ls, positions_ws, rotations_ws)
-            gap = deepest_contact(
-                rig, contacts, 2 + side, nobody, positions_ws, rotations_ws, centers, axes, push
-            )  # fmt: skip
-            if gap > -OVERLAP:
-                break
-            # Where it cannot go straight over a held foot stays; where that is no place either, it is put over.
-            share = 0.0 if way == 0 and flags[3 + side] > 0.5 else 1.0
-        # From here on, the way that it is nearest to.
-        st.sought[side] = 1.0
-        if st.step[PHASE] == IDLE:
-            for k in range(3):
-                st.points[3 + side, k] = positions_ws[end, k]
-                if flags[3 + side] < 0.5:
-                    st.wishes[2 + side, k] = positions_ws[end, k]
+        for k in range(3):
+            st.points[3 + side, k] = positions_ws[end, k]
+            if not held:
+                st.wishes[2 + side, k] = positions_ws[end, k]
 
 
 @kernel

@@ -17,7 +17,8 @@ from bunraku.figure.quat import log, mul_inv
 from bunraku.figure.rig import Rig, unpack_rig
 from bunraku.figure.spring import lag, spring_to_into
 from bunraku.nodes.controller.agreement import agree, hold_back, nothing_driven
-from bunraku.nodes.controller.collision import Contacts, avoid, own_limits, unpack_contacts
+from bunraku.nodes.controller.collision import avoid, own_limits
+from bunraku.nodes.controller.contacts import Contacts, unpack_contacts
 from bunraku.nodes.controller.ends import move_ends
 from bunraku.nodes.controller.heading import seek_step, turn_feet, update_heading
 from bunraku.nodes.controller.hinges import turn_hinges
@@ -33,7 +34,7 @@ from bunraku.nodes.controller.over import (
     remember_ways,
     way_from_motion,
 )
-from bunraku.nodes.controller.pacing import allow_return, legs_into, pace_legs, remember_legs, see_landings
+from bunraku.nodes.controller.pacing import allow_return, legs_into, remember_legs, see_landings
 from bunraku.nodes.controller.placing import hang_free_hands, place_body
 from bunraku.nodes.controller.relaxing import (
     carry_turn,
@@ -188,12 +189,10 @@ def advance(
     place_body(rig, st, under, contacts.limits, flags, arms, limited, rotations_ls, positions_ws, rotations_ws)
     measure_ways(rig, gains, st, over, flags, aims_before, before, positions_ws, moved, dt)
     avoid(
-        rig, gains, st, under, contacts, untouched, flags, limited, swivels_before, plain, moved, rotations_ls,
-        positions_ws, rotations_ws, dt,
+        rig, gains, st, under, contacts, untouched, flags, limited, swivels_before, plain, moved, legs_before,
+        rotations_ls, positions_ws, rotations_ws, dt,
     )  # fmt: skip
     paces = np.empty(4)
-    if not over:
-        pace_legs(rig, st, under, contacts, flags, legs_before, rotations_ls, positions_ws, rotations_ws, dt)
     see_landings(rig, st, contacts.limits, positions_ws, rotations_ls, rotations_ws)
     remember_legs(rig, st, rotations_ls)
     if over:

@@ -6,7 +6,7 @@ import pytest
 from bunraku.figure.boxes import place_boxes_into
 from bunraku.figure.default import default_figure
 from bunraku.figure.metrics import self_penetration
-from bunraku.nodes.controller.collision import contact_point, deepest_contact, push_limb, yields
+from bunraku.nodes.controller.contacts import contact_point, deepest_contact, push_limb, yields
 from bunraku.nodes.controller.core import Stack, contacts_of
 from bunraku.nodes.controller.placing import place_limb
 from bunraku.nodes.controller.state import Gains
