@@ -9,7 +9,7 @@ import {controlOf, stepOf} from "../../nodes/web/page/params.js";
 import {Pace} from "../../nodes/web/page/pace.js";
 import {mixPoses, Playout, Track} from "../../nodes/web/page/playout.js";
 import {Samples} from "../../nodes/web/page/stats.js";
-import {clockText, frameAt, lengthOf, Player, readTrack} from "../../nodes/web/page/takes.js";
+import {clockText, frameAt, lengthOf, Player, readTrack, takeName} from "../../nodes/web/page/takes.js";
 import {DEFAULT_CAMERA, letterbox, lookAt, project, shareOf, viewOf} from "../../nodes/web/page/view.js";
 import {acknowledge, readBundle, readCamera, readMesh, readOverlay, readPose} from "../../nodes/web/page/wire.js";
 
@@ -330,4 +330,12 @@ test("a page that was not drawn for a while was not slow", () => {
   const {now} = frames(pace, 0, 2, () => 16.7);
   for (let k = 1; k < 50; k++) pace.update(now + 2000 * k);
   assert.equal(pace.scale, 1);
+});
+
+test("a take is listed by its time, an older one by its day too", () => {
+  const now = new Date(2026, 10, 23, 8, 0);
+  assert.equal(takeName("take-20261123-071502", now), "07:15:02");
+  assert.equal(takeName("take-20261123-071502-2", now), "07:15:02");
+  assert.equal(takeName("take-20251123-071502", now), "2025-11-23 07:15");
+  assert.equal(takeName("other", now), "other");
 });

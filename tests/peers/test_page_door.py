@@ -1,4 +1,4 @@
-"""The link that invites to a stage, in a real browser: with its token the page plays, without it nothing comes."""
+"""What a visitor meets first, in a real browser: the link that invites, an empty stage, a browser without WebGL."""
 
 import re
 from collections.abc import Iterator
@@ -53,6 +53,9 @@ def test_the_link_lets_in_and_its_token_leaves_the_address(browser: Any, hall: H
         page.reload()  # the session knows it
         state_of(page, "open")
         assert hall.said().count(token) == 1  # on the terminal, in no log line
+        page.get_by_text("No figure is on the stage yet").wait_for()
+        if SHOTS:
+            page.screenshot(path=Path(SHOTS) / "no-figure.png")
     finally:
         context.close()
 
@@ -69,5 +72,32 @@ def test_without_the_right_token_it_is_told_why_nothing_comes(browser: Any, hall
             page.screenshot(path=Path(SHOTS) / "not-let-in.png")
         assert page.evaluate("bunraku.stage.figures.size") == 0
         assert page.evaluate("bunraku.connection.bytes") == 0
+    finally:
+        context.close()
+
+
+def test_a_browser_without_webgl_says_what_is_missing(browser: Any, hall: Hall) -> None:
+    context = browser.new_context()
+    try:
+        page = context.new_page()
+        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+        page.goto(hall.link)
+        state_of(page, "broken")
+        assert page.get_by_text("The stage cannot be shown here").is_visible()
+        assert page.get_by_text("WebGL 2").is_visible()
+        if SHOTS:
+            page.screenshot(path=Path(SHOTS) / "no-webgl.png")
+    finally:
+        context.close()
+
+
+def test_a_browser_without_javascript_says_what_is_missing(browser: Any, hall: Hall) -> None:
+    context = browser.new_context(java_script_enabled=False)
+    try:
+        page = context.new_page()
+        page.goto(hall.link)
+        page.get_by_text("JavaScript is switched off").wait_for()
+        if SHOTS:
+            page.screenshot(path=Path(SHOTS) / "no-javascript.png")
     finally:
         context.close()

@@ -167,7 +167,7 @@ def test_a_way_that_no_node_hears_says_so(person: Person) -> None:
     person.page.locator("label", has_text="Pen").first.click()
     assert "path" in person.page.locator("#hint").inner_text()
     person.page.locator("label", has_text="Touch").first.click()
-    assert person.page.locator("#hint").inner_text() == "No node of this stage hears touch."
+    assert person.page.locator("#hint").inner_text() == "This stage is not played by touch. It is played by pen."
 
 
 def test_a_mouse_is_a_pen(person: Person, scene: Scene) -> None:

@@ -47,9 +47,10 @@ export class Identity {
   }
 }
 
+/** @typedef {"connecting" | "open" | "lost" | "refused" | "broken"} State */
 /**
  * @typedef {{
- *   state(state: "connecting" | "open" | "lost" | "refused", text: string): void,
+ *   state(state: State, text: string): void,
  *   bundle(parts: import("./wire.js").Part[], now: number): void,
  *   message(message: any): void,
  *   welcome(): void,

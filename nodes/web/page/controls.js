@@ -4,7 +4,7 @@ import {attempt, byId, make} from "./dom.js";
 import {showParams} from "./params.js";
 import {saving} from "./saving.js";
 import {show} from "./stats.js";
-import {clockText, lengthOf, Player, readTrack} from "./takes.js";
+import {clockText, lengthOf, Player, readTrack, takeName} from "./takes.js";
 import {letterbox} from "./view.js";
 
 /** @typedef {import("./connection.js").Connection} Connection */
@@ -22,6 +22,8 @@ const HINTS = {
   hands: {fine: "Drag moves the right hand. Double click in the plane performs.", coarse: "Sliders bend the fingers. Two taps in the plane perform."},
 };
 
+const ALONE = 60000; // ms without a touch: whoever played has left
+
 /**
  * Ways of playing; `hear` says which of them the stage's nodes hear.
  * @returns {{way(): string, choose(way: string): void, hear(heard: string[]): void}} @param {(way: string) => void} changed
@@ -33,7 +35,7 @@ export function ways(changed) {
   const tell = (/** @type {string} */ way) => {
     const kind = matchMedia("(pointer: coarse)").matches ? "coarse" : "fine";
     const hints = HINTS[/** @type {keyof typeof HINTS} */ (way)];
-    hint.textContent = known && !known.includes(way) ? `No node of this stage hears ${way}.` : hints?.[kind] ?? "";
+    hint.textContent = !known || known.includes(way) ? hints?.[kind] ?? "" : unheard(way, known);
   };
   const choose = (/** @type {string} */ way) => {
     document.body.dataset.way = way;
@@ -52,25 +54,43 @@ export function ways(changed) {
   }};
 }
 
-/** The hint goes when someone plays. */
-export function hideHint() {
-  byId("hint", HTMLElement).classList.add("away");
+/** Why nothing happens. @param {string} way @param {string[]} known */
+export function unheard(way, known) {
+  const instead = known.length ? ` It is played by ${known.join(" or ")}.` : "";
+  return `This stage is not played by ${way}.${instead}`;
 }
 
-/** @param {"connecting" | "open" | "lost" | "refused"} state @param {string} text */
+let hintAt = 0;
+
+/** The hint goes when someone plays, and comes again for the next one. */
+export function hideHint() {
+  const hint = byId("hint", HTMLElement);
+  hint.classList.add("away");
+  clearTimeout(hintAt);
+  hintAt = window.setTimeout(() => hint.classList.remove("away"), ALONE);
+}
+
+/** @type {Record<import("./connection.js").State, {word: string, title: string, line?: string}>} */
+const STATES = {
+  connecting: {word: "connecting", title: ""},
+  open: {word: "connected", title: ""},
+  lost: {word: "connection lost", title: "The connection is lost", line: "Trying again…"},
+  refused: {word: "not let in", title: "Not let in"},
+  broken: {word: "cannot be shown", title: "The stage cannot be shown here"},
+};
+
+/** @param {import("./connection.js").State} state @param {string} text why */
 export function showState(state, text) {
   const box = byId("status", HTMLElement), lost = byId("lost", HTMLElement);
   box.dataset.state = state;
-  const words = {connecting: "connecting", open: "connected", lost: "connection lost", refused: "not let in"};
-  const [word, line] = [box.querySelector("span"), lost.querySelector("span")];
-  if (word) word.textContent = words[state];
-  const title = lost.querySelector("b");
-  if (state === "open") lost.hidden = true;
-  if (state === "lost" || state === "refused") {
-    lost.hidden = false;
-    if (title) title.textContent = state === "lost" ? "The connection is lost" : "Not let in";
-    if (line) line.textContent = state === "lost" ? "Trying again…" : text;
-  }
+  const {word, title, line = text} = STATES[state];
+  const [said, name, why] = [box.querySelector("span"), lost.querySelector("b"), lost.querySelector("span")];
+  if (said) said.textContent = word;
+  if (state === "open" || lost.classList.contains("late")) lost.hidden = true;
+  if (!title || !name || !why) return;
+  lost.classList.remove("late");
+  lost.hidden = false;
+  [name.textContent, why.textContent] = [title, line];
 }
 
 /**
@@ -96,9 +116,7 @@ export function takes(connection, figure) {
     list.replaceChildren(make("option", {value: "", textContent: "Live"}), ...found
       .filter((/** @type {{name: string}} */ one) => one.name !== recording)
       .map((/** @type {{name: string}} */ {name}) => {
-        const [, date, time] = /take-(\d{8})-(\d{6})/.exec(name) ?? ["", "", ""];
-        const label = `${date.slice(4, 6)}-${date.slice(6)} ${time.slice(0, 2)}:${time.slice(2, 4)}:${time.slice(4)}`;
-        return make("option", {value: name, textContent: label});
+        return make("option", {value: name, textContent: takeName(name, new Date())});
       }));
     list.value = chosen;
     if (list.selectedIndex < 0) list.value = "";
@@ -256,8 +274,9 @@ export function offerFit({camera, box}, plays) {
  */
 export function showNumbers(stats, connection, pages) {
   const delay = stats.delay.percentile(0.5);
-  byId("numbers", HTMLOutputElement).textContent =
-    `${Number.isFinite(delay) ? `${show(delay)} ms` : "– ms"} · ${show(stats.rate)} fps`;
+  byId("numbers", HTMLOutputElement).replaceChildren(
+    ...[Number.isFinite(delay) ? `${show(delay)} ms` : "", `${show(stats.rate)} fps`].filter(Boolean)
+      .map((textContent) => make("span", {textContent})));
   if (byId("drawer", HTMLElement).hidden) return;
   const box = byId("measured", HTMLElement);
   const rows = {

@@ -112,8 +112,10 @@ function begin() {
   });
   listenMouse(canvas, surface, {way: way.way, fingers, pen, hand: hands, changed: showPen});
   fingerKeys(hands, () => way.way() === "hands" && !settings.open);
+  addEventListener("pointerdown", (event) => {
+    if (!byId("ways", HTMLElement).contains(/** @type {Node} */ (event.target))) hideHint();
+  });
   canvas.addEventListener("pointerdown", () => {
-    hideHint();
     if (here.role === "watch") toast("This page watches. Settings, Part: play.");
   });
   canvas.addEventListener("keydown", (event) => {
@@ -157,6 +159,7 @@ function begin() {
       stats.traffic(connection.bytes, began);
       showNumbers(stats, connection, here.pages);
       offerFit(stage, here.role === "play");
+      byId("empty", HTMLElement).hidden = !here.role || stage.figures.size > 0;
     }
     stats.frame(began, performance.now(), stage.calls ?? 0, stage.shown.echo);
   };
@@ -167,5 +170,5 @@ function begin() {
 try {
   begin();
 } catch (error) {
-  showState("refused", error instanceof Error ? error.message : String(error));
+  showState("broken", error instanceof Error ? error.message : String(error));
 }

@@ -75,7 +75,7 @@ export async function showParams(connection) {
     const rows = Object.entries(params).map(([name, one]) => {
       const set = (/** @type {any} */ value) => attempt(() => connection.call("param", {node, name, value}));
       return make("div", {className: "parameter"},
-        make("div", {className: "row"}, make("span", {textContent: name.replaceAll("_", " ")}), control(one, `${node} ${name}`, set)),
+        make("label", {className: "row"}, make("span", {textContent: name.replaceAll("_", " ")}), control(one, `${node} ${name}`, set)),
         make("small", {textContent: one.doc}));
     });
     const id = `node ${node}`;

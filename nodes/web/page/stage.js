@@ -20,7 +20,7 @@ export class Stage {
     this.canvas = canvas;
     const smooth = new URLSearchParams(location.search).get("aa") !== "0";
     const gl = canvas.getContext("webgl2", {antialias: smooth, alpha: false, powerPreference: "high-performance"});
-    if (!gl) throw new Error("This browser has no WebGL 2: the figure cannot be drawn.");
+    if (!gl) throw new Error("The figure is drawn by WebGL 2, which this browser lacks or has switched off. Try another browser.");
     this.gl = gl;
     /** @type {Map<number, Figure>} */
     this.figures = new Map();

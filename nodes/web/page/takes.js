@@ -51,6 +51,14 @@ export function clockText(ms) {
   return `${Math.floor(tenths / 600)}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
 }
 
+/** How a take is listed: by the time of day, an older one by its day too. @param {string} name @param {Date} now */
+export function takeName(name, now) {
+  const [, year, month, day, hour, minute, second] = /take-(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)(\d\d)/.exec(name) ?? [];
+  if (!year) return name;
+  const today = Number(year) === now.getFullYear() && Number(month) === now.getMonth() + 1 && Number(day) === now.getDate();
+  return today ? `${hour}:${minute}:${second}` : `${year}-${month}-${day} ${hour}:${minute}`;
+}
+
 /** Plays a take back and forth; says where it is. */
 export class Player {
   constructor() {
