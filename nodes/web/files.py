@@ -20,7 +20,7 @@ TYPES = {
     ".glb": "model/gltf-binary",
     ".mp4": "video/mp4",
 }
-ENDING = re.compile(r"\s+// .*$")
+WITHIN = re.compile(r"\s*/\*\*.*?\*/|\s+// .*$")
 TICKET_SECONDS = 120.0
 MAX_DOWNLOAD = 512 << 20
 
@@ -52,8 +52,8 @@ def asset(body: bytes, suffix: str) -> Asset:
 def without_comments(text: str) -> str:
     """JavaScript with its comments taken out: what is served is small, and the lines keep their numbers.
 
-    A comment begins a line (``//``, or ``/**`` and what follows up to ``*/``) or ends one (`` // ``, which stands in no
-    string), as in all of the page's modules.
+    A comment begins a line (``//``, or ``/**`` and what follows up to ``*/``), stands within one (``/** */``) or ends it
+    (`` // ``); in all of the page's modules these signs stand in no string.
     """
     lines, inside = [], False
     for line in text.split("\n"):
@@ -62,7 +62,7 @@ def without_comments(text: str) -> str:
         comment = inside or begins or bare.startswith("//")
         if inside or begins:
             inside = "*/" not in bare
-        lines.append("" if comment else ENDING.sub("", bare))
+        lines.append("" if comment else WITHIN.sub("", bare).strip())
     return "\n".join(lines)
 
 
@@ -79,7 +79,10 @@ def load_page(folder: Path = PAGE) -> dict[str, Asset]:
 
 
 def _served(path: Path) -> bytes:
-    return without_comments(path.read_text("utf-8")).encode() if path.suffix == ".js" else path.read_bytes()
+    text = path.read_text("utf-8")
+    if path.suffix == ".js":
+        return without_comments(text).encode()
+    return "\n".join(line.strip() for line in text.split("\n")).encode()
 
 
 def weight(files: dict[str, Asset]) -> int:
