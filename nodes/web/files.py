@@ -52,7 +52,7 @@ def asset(body: bytes, suffix: str) -> Asset:
 def without_comments(text: str) -> str:
     """JavaScript with its comments taken out: what is served is small, and the lines keep their numbers.
 
-    A comment begins a line (``//``, or ``/**`` and what follows up to ``*/``), stands within one (``/** */``) or ends it
+    A comment begins a line (``//``, or ``/**`` and what follows up to ``*/``), stands in one (``/** */``) or ends it
     (`` // ``); in all of the page's modules these signs stand in no string.
     """
     lines, inside = [], False
