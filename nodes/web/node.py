@@ -15,6 +15,7 @@ from bunraku.figure.skeleton import SkeletonError
 from bunraku.figure.wire import from_message
 from bunraku.msgs import Camera, Event, Overlay, Params, Pose, SkeletonMessage
 from bunraku.nodes.web.access import LOOPBACK, AccessError, Gate, certificate, host_names, lan_address, new_token, qr
+from bunraku.nodes.web.audience import Hooks
 from bunraku.nodes.web.calls import Calls
 from bunraku.nodes.web.files import asset, load_page
 from bunraku.nodes.web.mesh import pack_mesh
@@ -28,7 +29,7 @@ from bunraku.nodes.web.protocol import (
     pack_overlay,
     pack_pose,
 )
-from bunraku.nodes.web.server import Hooks, PageServer
+from bunraku.nodes.web.server import PageServer
 from bunraku.nodes.web.takes import Takes
 from bunraku.runtime.node import BoundPublisher, Node, ParamProblem, Publisher, param, subscribe, timer
 from bunraku.runtime.presence import Presence

@@ -15,10 +15,11 @@ from websockets.exceptions import InvalidStatus
 
 from bunraku.figure.default import default_figure
 from bunraku.nodes.web.access import AccessError, Gate, TokenBucket, certificate, host_names, peer_user, qr
+from bunraku.nodes.web.audience import Hooks
 from bunraku.nodes.web.files import load_page, weight
 from bunraku.nodes.web.mesh import pack_mesh
 from bunraku.nodes.web.protocol import POSE, Call, pack_pose
-from bunraku.nodes.web.server import Hooks, PageServer
+from bunraku.nodes.web.server import PageServer
 
 TOKEN = "s3cret-token-of-128-bits"
 

@@ -11,8 +11,8 @@ from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
 from bunraku.msgs import Event, InvalidMessage
+from bunraku.nodes.web.audience import WINDOW
 from bunraku.nodes.web.protocol import POSE, Call, Hello, Input, Ping, decode_text, pack_pose, with_echo
-from bunraku.nodes.web.server import WINDOW
 
 
 def test_input_arrives_with_the_values_that_were_made(house: House) -> None:
@@ -77,7 +77,7 @@ def test_broken_messages_are_dropped_and_too_many_end_the_page(house: House) -> 
             for _ in range(40):
                 await socket.send("\x00")
             assert await closed(socket) == 1007
-        assert house.server.counts["broken"] > 50
+        assert house.server.audience.counts["broken"] > 50
 
     run(work())
 
@@ -131,7 +131,7 @@ def test_a_flood_ends_its_page_only(house: House) -> None:
             assert code in (1006, 1008)
 
     run(work())
-    assert house.server.counts["flooded"] == 1
+    assert house.server.audience.counts["flooded"] == 1
     assert len([one for one in house.inputs if one[0] == "bad00001"]) < 2000
     house.wait(lambda: ("bad00001", "") in house.gone)
 

@@ -15,9 +15,10 @@ from websockets.exceptions import ConnectionClosed
 from bunraku.figure.default import default_figure
 from bunraku.msgs import Pose
 from bunraku.nodes.web.access import Gate, host_names
+from bunraku.nodes.web.audience import Hooks
 from bunraku.nodes.web.files import load_page
 from bunraku.nodes.web.protocol import Call, Input
-from bunraku.nodes.web.server import Hooks, PageServer
+from bunraku.nodes.web.server import PageServer
 
 
 class House:
