@@ -31,6 +31,7 @@ function begin() {
   const way = ways(() => {
     fingers.release();
     pen.leave(performance.now());
+    stage.measure();
   });
   way.choose(sessionStorage.getItem("bunraku.way") ?? "touch");
   theme((dark) => { stage.look = dark ? LOOKS.dark : LOOKS.light; });

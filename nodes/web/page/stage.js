@@ -43,13 +43,18 @@ export class Stage {
     this.wishes = [];
     /** Where the canvas lies on the page: kept, for asking after something was written costs a layout. */
     this.box = canvas.getBoundingClientRect();
-    const measure = () => { this.box = canvas.getBoundingClientRect(); };
+    const measure = () => this.measure();
     new ResizeObserver(measure).observe(canvas);
     addEventListener("resize", measure);
     addEventListener("pointerdown", measure, true);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => this.build());
     this.build();
+  }
+
+  /** Look where the canvas lies now: after something beside it came or went. */
+  measure() {
+    this.box = this.canvas.getBoundingClientRect();
   }
 
   /** Makes everything that lives on the graphics processor. */
