@@ -114,6 +114,13 @@ def test_a_second_page_watches_the_same_figure(person: Person, browser: Any, hal
         other.page.wait_for_timeout(200)
         assert other.ask("bunraku.outbox.sent") == 0
         other.fingers("touchEnd")
+        assert other.page.locator("#playnow").is_hidden()
+        person.page.goto("about:blank")
+        other.page.get_by_role("button", name="Nobody plays: play here").click()
+        other.until("bunraku.here.role === 'play'")
+        assert other.page.locator("#playnow").is_hidden()
+        person.open()
+        assert person.ask("bunraku.here.role") == "watch"
         assert other.faults == []
     finally:
         other.close()
@@ -136,6 +143,12 @@ def test_a_take_is_recorded_scrubbed_played_and_saved(person: Person, hall: Hall
     page.get_by_role("button", name="Stop").click()
     person.until("bunraku.timeline.player.track")
     person.reset()
+    sent = person.ask("bunraku.outbox.sent")
+    person.fingers("touchStart", person.where("hips"))
+    person.fingers("touchMove", (x, y))
+    page.get_by_text("This is a take. Go back to live to play.").wait_for()
+    person.fingers("touchEnd")
+    assert person.ask("bunraku.outbox.sent") == sent, "what cannot be seen is not played"
     page.locator("#scrub").fill("0.001")
     person.until("Math.abs(bunraku.timeline.player.share - 0.001) < 1e-3")
     page.wait_for_timeout(150)
@@ -183,8 +196,13 @@ def test_a_take_is_recorded_scrubbed_played_and_saved(person: Person, hall: Hall
     (hall.takes / name).unlink()
     page.locator("#download").select_option("glb")
     page.get_by_text("is not there any more").wait_for()
-    page.locator("#takes").select_option("")
+    person.shot("take-offered")
+    page.get_by_role("button", name="back to live").click()
     person.until("bunraku.stage.replay === null")
+    assert page.locator("#takes").input_value() == ""
+    person.fingers("touchStart", person.where("leftHand"))
+    person.until(f"bunraku.outbox.sent > {sent}")
+    person.fingers("touchEnd")
 
 
 def test_parameters_are_shown_with_their_docs_and_changed(person: Person, hall: Hall) -> None:

@@ -107,6 +107,7 @@ export function takes(connection, figure) {
 
   const saves = saving(connection, () => ({name: list.value, figure: figure()}));
   const enable = () => {
+    byId("live", HTMLButtonElement).hidden = !player.track;
     play.disabled = scrub.disabled = !player.track;
     saves();
   };
@@ -154,6 +155,10 @@ export function takes(connection, figure) {
     await choose();
   });
   list.onchange = () => attempt(choose);
+  byId("live", HTMLButtonElement).onclick = () => {
+    list.value = "";
+    attempt(choose);
+  };
   play.onclick = () => player.toggle();
   scrub.oninput = () => {
     player.playing = false;

@@ -26,6 +26,8 @@ function begin() {
   const fingers = new MouseFingers(contacts), pen = new MousePen(samples);
   /** What the stage says of this page. */
   const here = {role: "", figure: "", pages: 0, realPen: false};
+  /** Whether what hands do here moves the figure: not where it watches, nor while it shows a take. */
+  const plays = () => here.role === "play" && !stage.replay;
 
   const showPen = penPanel(pen), showHands = handPanel(hands);
   const way = ways(() => {
@@ -71,18 +73,21 @@ function begin() {
     figures = names;
     figureList.replaceChildren(...names.map((name) => make("option", {value: name, textContent: name || "the figure"})));
   }
-  /** @param {{role: string, figure: string, pages: {page: string, role: string}[]}} told */
+  /** @param {{role: string, figure: string, pages: {page: string, role: string, figure: string}[]}} told */
   function showPart({role, figure, pages}) {
     Object.assign(here, {role, figure, pages: pages.length});
     connection.role = role;
     connection.figure = figureList.value = figure;
     roleList.value = role;
     stage.figure = Math.max(0, figures.indexOf(figure));
-    const others = pages.length - 1;
+    const others = pages.length - 1, free = !pages.some((one) => one.figure === figure && one.role === "play");
+    byId("playnow", HTMLButtonElement).hidden = role === "play" || !free;
     const line = role === "watch" ? "watching" : figure ? `playing ${figure}` : "";
     byId("part", HTMLElement).textContent = others ? `${line || "playing"}, ${others} more ${others > 1 ? "pages" : "page"}` : line;
   }
   const askPart = () => attempt(() => connection.call("role", {role: roleList.value, figure: figureList.value}));
+  byId("playnow", HTMLButtonElement).onclick = () =>
+    attempt(() => connection.call("role", {role: "play", figure: here.figure}));
   figureList.onchange = askPart;
   roleList.onchange = askPart;
   byId("reset", HTMLButtonElement).onclick = () => attempt(async () => {
@@ -117,7 +122,8 @@ function begin() {
     if (!byId("ways", HTMLElement).contains(/** @type {Node} */ (event.target))) hideHint();
   });
   canvas.addEventListener("pointerdown", () => {
-    if (here.role === "watch") toast("This page watches. Settings, Part: play.");
+    if (stage.replay) toast("This is a take. Go back to live to play.");
+    else if (here.role === "watch") toast("This page watches. Settings, Part: play.");
   });
   canvas.addEventListener("keydown", (event) => {
     if (event.key === "Escape") fingers.release();
@@ -126,9 +132,9 @@ function begin() {
     contacts.endAll("cancel");
     fingers.release();
     pen.leave(performance.now());
-    const now = nowOf(performance.now()), plays = here.role === "play";
-    outbox.flush(now, plays);
-    if (contacts.changed) outbox.flush(now, plays); // a finger that was not yet told comes and goes
+    const now = nowOf(performance.now()), allowed = plays();
+    outbox.flush(now, allowed);
+    if (contacts.changed) outbox.flush(now, allowed); // a finger that was not yet told comes and goes
   };
   document.addEventListener("visibilitychange", () => {
     if (document.hidden) letGo();
@@ -150,8 +156,11 @@ function begin() {
     const began = performance.now(), dt = Math.min(0.1, (frameTime - last) / 1000);
     last = frameTime;
     hands.update(dt);
-    outbox.flush(nowOf(began), here.role === "play");
-    stage.replay = timeline.player.update(1000 * dt);
+    const replay = timeline.player.update(1000 * dt);
+    if (replay && !stage.replay) letGo();
+    if (!replay && stage.replay) outbox.renew();
+    stage.replay = replay;
+    outbox.flush(nowOf(began), plays());
     stage.draw(began);
     if (way.way() === "hands") showHands();
     timeline.show(began);
