@@ -161,6 +161,11 @@ def test_a_pen_that_is_taken_away_in_mid_stroke_leaves_nothing_held(person: Pers
         pens.close()
 
 
+def test_who_has_not_chosen_plays_as_the_stage_is_played(person: Person) -> None:
+    assert person.ask("document.body.dataset.way") == "pen"
+    assert person.page.get_by_label("Pen", exact=True).is_checked()
+
+
 def test_a_way_that_no_node_hears_says_so(person: Person) -> None:
     idle = "[...document.querySelectorAll('#ways .idle')].map(one => one.value).join()"
     person.until(f"{idle} === 'touch,hands'")

@@ -25,8 +25,8 @@ const HINTS = {
 const ALONE = 60000; // ms without a touch: whoever played has left
 
 /**
- * Ways of playing; `hear` says which of them the stage's nodes hear.
- * @returns {{way(): string, choose(way: string): void, hear(heard: string[]): void}} @param {(way: string) => void} changed
+ * Ways of playing; `hear` says which of them the stage's nodes hear, and who has not chosen plays by the first of them.
+ * @returns {{way(): string, hear(heard: string[]): void}} @param {(way: string) => void} changed
  */
 export function ways(changed) {
   const box = byId("ways", HTMLFieldSetElement), hint = byId("hint", HTMLElement);
@@ -42,13 +42,19 @@ export function ways(changed) {
     tell(way);
     hint.classList.remove("away");
     for (const one of box.querySelectorAll("input")) one.checked = one.value === way;
-    sessionStorage.setItem("bunraku.way", way);
     changed(way);
   };
-  box.addEventListener("change", (event) => choose(/** @type {HTMLInputElement} */ (event.target).value));
+  let chosen = sessionStorage.getItem("bunraku.way");
+  choose(chosen ?? "touch");
+  box.addEventListener("change", (event) => {
+    chosen = /** @type {HTMLInputElement} */ (event.target).value;
+    sessionStorage.setItem("bunraku.way", chosen);
+    choose(chosen);
+  });
   const way = () => document.body.dataset.way ?? "touch";
-  return {way, choose, hear(heard) {
+  return {way, hear(heard) {
     known = heard;
+    if (!chosen && heard.length && heard[0] !== way()) choose(heard[0]);
     for (const one of box.querySelectorAll("input")) one.classList.toggle("idle", !heard.includes(one.value));
     tell(way());
   }};

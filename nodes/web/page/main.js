@@ -35,7 +35,6 @@ function begin() {
     pen.leave(performance.now());
     stage.measure();
   });
-  way.choose(sessionStorage.getItem("bunraku.way") ?? "touch");
   theme((dark) => { stage.look = dark ? LOOKS.dark : LOOKS.light; });
 
   const identity = new Identity(sessionStorage, location, history);
