@@ -395,6 +395,19 @@ def test_without_opengl_the_plain_engine_is_taken_and_said(monkeypatch):
         open_engine("gl")
 
 
+def test_what_a_node_drew_goes_with_the_node(monkeypatch):
+    stage, heard = MemoryStage(), []
+    node = stage.add(Renderer, window="off")
+    monkeypatch.setattr(node, "_hear", lambda topic, message: heard.append((topic, len(message.primitives))))
+    stage.publish("overlay/interpreter", Overlay(primitives=[Primitive(kind="circle", points=[(0, 0, 0)])]))
+    stage.advance(2.0)
+    monkeypatch.setattr(node.presence, "gone", lambda: ["overlay/interpreter"])
+    stage.advance(0.6)
+    stage.remove(node)
+    assert heard[0] == ("overlay/interpreter", 1)
+    assert set(heard[1:]) == {("overlay/interpreter", 0)}
+
+
 def test_an_unknown_engine_is_refused():
     with pytest.raises(ValueError, match="engine"):
         open_engine("vulkan")

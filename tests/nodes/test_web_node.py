@@ -6,7 +6,7 @@ import urllib.error
 import urllib.request
 
 import pytest
-from house import closed, hello, pose, run, told, touch
+from house import bundle, closed, hello, pose, run, told, touch
 from websockets.asyncio.client import connect
 
 from bunraku.figure.default import default_figure
@@ -47,6 +47,27 @@ def test_the_node_says_what_pages_do_and_shows_what_the_stage_says() -> None:
     assert (event.device, event.kind, event.contacts[0].x) == ("web-aaaa1111", "touch", 0.5)
     assert event.origin is not None
     assert (gone.device, gone.kind) == ("web-aaaa1111", "gone")
+
+
+def test_what_a_node_drew_goes_with_the_node_for_pages_that_come_later_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = MemoryStage()
+    web = stage.add(Web, port=0, figures=["", "alice"])
+    try:
+        stage.publish("alice/overlay/interpreter", Overlay(primitives=[Primitive(kind="circle", points=[(0, 0, 0)])]))
+        monkeypatch.setattr(web.presence, "gone", lambda: ["alice/overlay/interpreter"])
+        stage.advance(0.6)
+        origin = f"http://127.0.0.1:{web.server.port}"
+
+        async def work() -> None:
+            async with connect(f"{origin.replace('http', 'ws')}/socket", origin=origin) as socket:
+                await hello(socket)
+                _, payload = await bundle(socket)
+                assert b'"primitives":[]' in payload
+                assert b"alice/overlay/interpreter" in payload
+
+        run(work())
+    finally:
+        stage.remove(web)
 
 
 def test_a_node_started_again_lets_go_for_the_pages_of_before_and_keeps_its_place() -> None:
