@@ -43,8 +43,10 @@ REACH_DUCK = 0.74
 """Shortest hip to ankle that a reach pulls the pelvis down to, as a share of the leg."""
 BODY_WAY, BODY_SPEED, BODY_TURN, BODY_SPIN = 2.5, 0.06, 8.0, 0.4
 """How far the pelvis goes for every metre of the held ends, m/s on top, rad/m and rad/s for the trunk."""
-BODY_FASTEST = 1.8
-"""m/s at which hands pull the pelvis along at most: about the fastest lunge or squat of a person."""
+BODY_RUSH, BODY_SPIN_RUSH = 2.0, 13.0
+"""m/s² and rad/s² at which they take up what comes on top: a release is no jerk."""
+BODY_FASTEST, BODY_FASTEST_SPIN = 1.2, 6.0
+"""m/s and rad/s at which hands and feet pull pelvis and trunk along at most: about the fastest lunge of a person."""
 UNTOUCHED = 2e-3
 """m and rad, summed over all parts, up to which a figure is where its motion has it."""
 FROM_MOTION = 0.12
@@ -79,13 +81,14 @@ def keep_near(middle: Array, most: float, point: Array) -> None:
 
 @kernel
 def agree(
-    rig: Rig, gains: Gains, st: State, held: Held, under: Under, contacts: Contacts, untouched: bool, arms: Array,
-    flags: Array, mass_share: float, hull: Array, center: Array, rotations_ls: Array, positions_ws: Array,
+    rig: Rig, gains: Gains, st: State, held: Held, under: Under, contacts: Contacts, exact: Array, untouched: bool,
+    arms: Array, flags: Array, mass_share: float, hull: Array, center: Array, rotations_ls: Array, positions_ws: Array,
     rotations_ws: Array,
 ) -> int:  # fmt: skip
     """Rounds of tracking and balance on trunk and pelvis until both are content; returns the hull's size.
 
-    On return the world arrays hold the agreed pose, with the swivels of the last step.
+    ``exact`` (4,) m is how far each leg stretches in this step. On return the world arrays hold the agreed pose, with
+    the swivels of the last step.
     """
     st.mode[2] = 0.0
     shift, part, rest, chest, shoulder = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -112,7 +115,7 @@ def agree(
             hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
     if not over:
         keep_pelvis_over_feet(
-            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping,
+            rig, exact, st.points[0], hips, st.points, st.feet, st.planted, duck, False, not stepping,
             not stepping,
         )  # fmt: skip
     round_ = 0
@@ -218,7 +221,7 @@ def agree(
             for k in range(4):
                 turned += 2.0 * abs(st.turns[0, k] - turn[k])
         keep_pelvis_over_feet(
-            rig, under.base.exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
+            rig, exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
             not stepping and not over, not over and not stepping,
         )  # fmt: skip
         if over and pelvis_free:
@@ -264,8 +267,14 @@ def hold_back(
         q = np.empty(4)
         mul_inv(st.turns[0], trunk, q)
         turned = angle(q)
-    most = min(1.0, min(BODY_WAY * moved + BODY_SPEED * dt, BODY_FASTEST * dt) / max(sqrt(way), 1e-9))
-    most = min(most, (BODY_TURN * moved + BODY_SPIN * dt) / max(turned, 1e-9))
+    drift, spin = 0.0, 0.0
+    for k in range(3):
+        drift += st.drifts[0, k] ** 2
+        spin += st.drifts[1, k] ** 2
+    speed = min(BODY_SPEED, sqrt(drift) + BODY_RUSH * dt) * dt
+    spin = min(BODY_SPIN, sqrt(spin) + BODY_SPIN_RUSH * dt) * dt
+    most = min(1.0, min(BODY_WAY * moved + speed, BODY_FASTEST * dt) / max(sqrt(way), 1e-9))
+    most = min(most, min(BODY_TURN * moved + spin, BODY_FASTEST_SPIN * dt) / max(turned, 1e-9))
     if most >= 1.0:
         return False
     if held.flags[5] < 0.5:

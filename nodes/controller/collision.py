@@ -50,8 +50,18 @@ SHALLOW = 0.005
 """m: an overlap that is mended gently."""
 GENTLER = 5
 """Times that a gentle push is halved until it turns nothing fast."""
-PUSH_HALF_LIFE = 0.25
-"""s in which the turn of an elbow that avoided something goes back."""
+PUSH_HALF_LIFE, PUSH_SPEED, PUSH_TURN = 0.25, 0.5, 2.0
+"""s in which the turn of an elbow or knee that avoided something goes back; rad/s, and rad/m of its end's way, at
+most."""
+BETTER = 0.25
+"""Share of a gentle push by which it must lessen the deepest overlap."""
+
+
+@kernel
+def turn_back(push: float, most: float, dt: float) -> float:
+    """What is left of the turn (rad) of an elbow or knee that avoided something: it goes back by ``most`` at most."""
+    back = push * (1.0 - 0.5 ** (dt / PUSH_HALF_LIFE))
+    return float(push - min(most, max(-most, back)))
 
 
 @kernel
@@ -144,7 +154,8 @@ def avoid_with(
         st.mode[2] = 1.0
     if gains.w_collision <= 0.0 or (gap >= gains.clearance and way <= 2.0 * STRIDE):
         if gap > 0.008:
-            st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
+            most = PUSH_SPEED * dt + PUSH_TURN * moved if under.active[0] < 0.5 else 1.0
+            st.pushes[limb] = turn_back(st.pushes[limb], most, dt)
         for k in range(3):
             st.wishes[limb, k] = goal[k]
             if limited:
@@ -196,15 +207,17 @@ def avoid_with(
             if gap_before > -SHALLOW:
                 pushes, most_turn, deepest = 1, CREEP_TURN * dt, CREEP * dt
         for n in range(GENTLER + 1):
-            go(
+            gap = go(
                 rig, gains, st, under, contacts, limb, start, swivel_before, goal, wanted, 0.0, pushes,
                 most_turn, deepest, apart, yielding, limited, rotations_ls, positions_ws, rotations_ws, centers,
                 axes, push,
             )  # fmt: skip
             mul_inv(rotations_ws[upper], turn_before, change)
-            if pushes != 1 or angle(change) <= SLIDE_TURN * moved + CREEP_TURN * dt:
+            helps = gap - gap_before >= BETTER * min(deepest, apart - gap_before)
+            if pushes != 1 or (helps and angle(change) <= SLIDE_TURN * moved + CREEP_TURN * dt):
                 break
-            # (Where joints are at their limits, a small push may turn them far.)
+            # (Where joints are at their limits, a small push may turn them far; between two things it may push into
+            # the other one.)
             deepest *= 0.5 if n < GENTLER - 1 else 0.0
     off = st.swivels[limb] - plain
     st.pushes[limb] = min(1.6, max(-1.6, off))
@@ -249,7 +262,9 @@ def avoid(
             if rank != (0 if flags[row] > 0.5 else (1 if limb >= 2 else 2)):
                 continue
             if is_fixed(st, under, flags, untouched, limb):
-                st.pushes[limb] *= 0.5 ** (dt / PUSH_HALF_LIFE)
+                # (Over a motion what it adds goes as fast as the rest of what a touch has left.)
+                most = PUSH_SPEED * dt if under.active[0] < 0.5 else 1.0
+                st.pushes[limb] = turn_back(st.pushes[limb], most, dt)
                 for k in range(3):
                     st.wishes[limb, k] = st.points[row, k]
                 continue

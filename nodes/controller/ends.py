@@ -145,6 +145,8 @@ def move_ends(
             side = limb - 2
             for k in range(3):
                 aim[k] = goals[row, k]
+                if st.held[row] > 0.5:
+                    st.wishes[limb, k] = st.points[row, k]
             aim[1] -= TREAD
             spring_to_into(st.points[row], st.velocities[row], aim, gains.landing_half_life, dt)
             # Not where limits hold the leg off: it goes on in to where it can stand.

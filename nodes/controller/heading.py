@@ -84,12 +84,20 @@ def seek_step(rig: Rig, gains: Gains, st: State, held: Held, over: bool, goals: 
 
 
 @kernel_inline
-def turn_feet(rig: Rig, gains: Gains, st: State, under: Under, yaws: Array, dt: float) -> None:
-    """How each foot stands and how much of that the ground decides; how much it supports."""
+def turn_feet(
+    rig: Rig, gains: Gains, st: State, under: Under, yaws: Array, before: Array, aims_before: Array, dt: float
+) -> None:
+    """How each foot stands and how much of that the ground decides; how much it supports.
+
+    ``before`` (5, 3) m are the points of the last step, ``aims_before`` (5, 3) m where they were wanted.
+    """
     over = under.active[0] > 0.5
     facing = np.empty(4)
     for side in range(2):
         height = st.points[3 + side, 1] - rig.ankle_heights[side]
+        if st.held[3 + side] > 0.5:
+            # Of a foot that does not get to where it is held, its own height counts.
+            height += before[3 + side, 1] - aims_before[3 + side, 1]
         if over:
             for k in range(4):
                 st.feet[side, k] = under.feet[side, k]

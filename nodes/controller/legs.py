@@ -1,6 +1,6 @@
 """What the ground asks of the body: legs that reach their planted feet, feet that come down well apart."""
 
-from math import acos, atan2, cos, sin, sqrt
+from math import acos, atan2, cos, exp, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,8 @@ CALM_KNEE = 0.90
 """rad/s: the fastest that a knee turns by relaxing."""
 RISE_TO_STEP = 1.2
 """m/s at which a step brings a low pelvis up at most beyond its course."""
+STRETCH_TIME = 0.1
+"""s, time constant in which a planted leg stretches to its end under a held pelvis."""
 LOWEST_PELVIS = 0.25
 """m above the floor."""
 
@@ -105,6 +107,27 @@ def keep_pelvis_over_feet(
         if worst < 1e-6:
             break
     pelvis[1] = max(pelvis[1], LOWEST_PELVIS)
+
+
+@kernel
+def reach_gently(
+    rig: Rig, exact: Array, positions_ws: Array, points: Array, planted: Array, held: bool, dt: float, out: Array
+) -> None:
+    """How far (4,) m each limb reaches in this step: planted legs under a held pelvis stretch to their ends no faster
+    than they stop there, for a knee that is nearly straight turns fast for little way.
+
+    ``exact`` (4,) m see `Base`; ``positions_ws`` is how everything was.
+    """
+    for limb in range(4):
+        out[limb] = exact[limb]
+        if limb < 2 or not held or planted[limb - 2] < 0.5:
+            continue
+        was = 0.0
+        for k in range(3):
+            was += (points[1 + limb, k] - positions_ws[rig.limbs[limb, 0], k]) ** 2
+        was = sqrt(was)
+        if was < exact[limb]:
+            out[limb] = exact[limb] - (exact[limb] - was) * exp(-dt / STRETCH_TIME)
 
 
 @kernel

@@ -6,20 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
-from bunraku.figure.limits import Limits, clamp_joint, joint_excess
+from bunraku.figure.limits import Limits, joint_excess
 from bunraku.figure.pointpose import keep_above_floor
 from bunraku.figure.quat import angle, exp, inv_mul, mul, mul_inv, slerp
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.contacts import Contacts, deepest_contact
-from bunraku.nodes.controller.placing import carry_from
+from bunraku.nodes.controller.placing import carry_from, keep_in_range
 from bunraku.nodes.controller.state import State, Under
 from bunraku.nodes.controller.step import IDLE, PHASE
 
 Array = NDArray[np.float64]
 
-LEG_SPEED = 16.0
+LEG_SPEED, LEG_RUSH = 16.0, 100.0
 """rad/s: the fastest that hip, knee and ankle of a foot in the air turn. Where joint limits hold a foot off its place
-there may be two ways to be near it; the leg goes from one to the other in some frames, not in one."""
+there may be two ways to be near it; the leg goes from one to the other in some frames, not in one.
+rad/s² by which those of a free one, or one that has still to get to its target, get faster: a straight knee would
+bend at once for little way of its foot."""
+FOLLOWS = 0.02
+"""m of offset up to which a held foot follows its target."""
 RETURN, RETURN_WAY = 0.8, 6.0
 """rad/s, and rad/m of its foot's way, at which a leg that limits have turned aside goes back to its swivel."""
 OVERLAP, STAY = 2e-3, 4e-3
@@ -28,6 +32,9 @@ PUSHES, PUSHED = 4, 0.5
 """Most times that such a leg is turned out of what it runs into, and share of `LEG_SPEED` by which it is at most."""
 STANDS = 4e-3
 """m above its standing height up to which a foot that comes down has landed."""
+RESTS, HOVERS, SINKS = 5e-4, 0.04, 0.01
+"""m above its standing height, from and to, where a free foot that sinks slower than so many m/s is held off the
+ground."""
 OVER_RANGE, OFF_LEVEL = 0.01, 0.05
 """rad that a landing leg's joints may be over their ranges, and its foot off the level."""
 
@@ -95,13 +102,13 @@ def pose_leg_between(
     for n in range(3):
         joint = rig.limbs[2 + side, n]
         slerp(before[n], wanted[n], share, rotations_ls[joint])
-        clamp_joint(contacts.limits, joint, rotations_ls[joint])
+        keep_in_range(contacts.limits, joint, rotations_ls[joint])
     gap, turned = 0.0, 0.0
     for n in range(PUSHES + 1):
         carry_from(rig, upper, rotations_ls, positions_ws, rotations_ws)
         keep_above_floor(rig, side, positions_ws[end, 1] - under.base.floors[side], rotations_ws[end])
         inv_mul(rotations_ws[rig.parents[end]], rotations_ws[end], rotations_ls[end])
-        clamp_joint(contacts.limits, end, rotations_ls[end])
+        keep_in_range(contacts.limits, end, rotations_ls[end])
         carry_from(rig, end, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, 2 + side, yielding, positions_ws, rotations_ws, centers, axes, push)
         if gap > -deepest or n == PUSHES or turned >= most:
@@ -109,7 +116,7 @@ def pose_leg_between(
         turned += turn_out(rig, side, push, -gap, most - turned, positions_ws, turn)
         mul(turn, rotations_ws[upper], turn)
         inv_mul(parent, turn, rotations_ls[upper])
-        clamp_joint(contacts.limits, upper, rotations_ls[upper])
+        keep_in_range(contacts.limits, upper, rotations_ls[upper])
     return gap
 
 
@@ -120,17 +127,25 @@ def pace_leg(
 ) -> None:  # fmt: skip
     """Let no joint of a leg in the air turn faster than `LEG_SPEED`; the leg follows late instead.
 
+    One that was let go or grabbed away from its target takes up its speed by `LEG_RUSH`.
+
     Args:
         before: (3, 4) hip, knee and ankle at the last step (`legs_into`).
         yielding: (J,) 1 for joints that get out of its way.
         centers, axes: (J, 3) and (J, 3, 3) of all boxes.
     """
     q, most, fastest = np.empty(4), LEG_SPEED * dt, 0.0
+    offset = 0.0
+    for k in range(3):
+        offset += st.offsets[3 + side, k] ** 2
+    if st.step[PHASE] == IDLE and (not held or offset > FOLLOWS * FOLLOWS):
+        most = min(most, (st.leg_rates[side] + LEG_RUSH * dt) * dt)
     wanted = np.empty((3, 4))
     for n in range(3):
         wanted[n] = rotations_ls[rig.limbs[2 + side, n]]
         mul_inv(wanted[n], before[n], q)
         fastest = max(fastest, angle(q))
+    st.leg_rates[side] = min(fastest, most) / max(dt, 1e-9)
     if fastest <= most:
         return
     share = most / fastest
@@ -155,16 +170,23 @@ def pace_leg(
 
 @kernel
 def see_landings(
-    rig: Rig, st: State, limits: Limits, positions_ws: Array, rotations_ls: Array, rotations_ws: Array
-) -> None:
-    """Which free feet are where they can stand: on the ground, level, with their legs within their ranges."""
+    rig: Rig, st: State, limits: Limits, before: Array, positions_ws: Array, rotations_ls: Array, rotations_ws: Array,
+    dt: float,
+) -> None:  # fmt: skip
+    """Which free feet are where they can stand: on the ground, level, with their legs within their ranges.
+
+    And which are not, but come no nearer to the ground; ``before`` (5, 3) m are the points of the last step.
+    """
     q = np.empty(4)
     for side in range(2):
         st.landed[side] = 0.0
-        if st.planted[side] > 0.5 or st.sought[side] > 0.5:
-            continue
         end = rig.limbs[2 + side, 2]
-        if positions_ws[end, 1] > rig.ankle_heights[side] + STANDS:
+        height = positions_ws[end, 1] - rig.ankle_heights[side]
+        sinks = before[3 + side, 1] - positions_ws[end, 1] >= SINKS * dt
+        if st.planted[side] < 0.5 and st.held[3 + side] < 0.5 and RESTS < height < HOVERS and not sinks:
+            st.landed[side] = -1.0
+            continue
+        if st.planted[side] > 0.5 or st.sought[side] > 0.5 or height > STANDS:
             continue
         mul_inv(rotations_ws[end], st.feet[side], q)
         over = joint_excess(limits, rig.limbs[2 + side, 0], rotations_ls[rig.limbs[2 + side, 0]])
@@ -178,7 +200,7 @@ def remember_legs(rig: Rig, st: State, rotations_ls: Array) -> None:
     """Keep how the legs are that joint limits hold off their feet's places, to go on from there."""
     for side in range(2):
         if st.planted[side] > 0.5:
-            st.sought[side] = 0.0
+            st.sought[side], st.leg_rates[side] = 0.0, 0.0
         st.legs_kept[side] = st.sought[side]
         st.sought[side] = 0.0
         for n in range(2):

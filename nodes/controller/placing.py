@@ -23,6 +23,8 @@ NEARER = 0.02
 """m by which another way of being near a place must be nearer to be gone to."""
 SAME = 0.03
 """rad between two ways of being at a place that are taken for one."""
+RANGE_EASE = 0.02
+"""rad over its range within which a joint that was in it is turned back."""
 FLOOR_ROUNDS, UNDER_FLOOR = 5, 1e-3
 """Most times that a foot under the floor is aimed higher, and m that it may be under it."""
 
@@ -145,6 +147,21 @@ def go_on_from_last(
 
 
 @kernel
+def keep_in_range(limits: Limits, joint: int, turn: Array) -> bool:
+    """Bring a joint's local rotation (4) into its range, in place; False for one that is in it.
+
+    By ever more of the way, so that one just beyond it does not jump to where the range is soft.
+    """
+    excess = joint_excess(limits, joint, turn)
+    if excess <= 0.0:
+        return False
+    kept = turn.copy()
+    clamp_joint(limits, joint, kept)
+    slerp(turn, kept, min(1.0, excess / RANGE_EASE), turn)
+    return True
+
+
+@kernel
 def place_foot(
     rig: Rig, st: State, under: Under, limits: Limits, side: int, limited: bool, rotations_ls: Array,
     positions_ws: Array, rotations_ws: Array,
@@ -159,8 +176,7 @@ def place_foot(
     inv_mul(rotations_ws[lower], turn, rotations_ls[end])
     if not limited:
         return 0.0
-    if joint_excess(limits, end, rotations_ls[end]) > 0.0:
-        clamp_joint(limits, end, rotations_ls[end])
+    if keep_in_range(limits, end, rotations_ls[end]):
         mul(rotations_ws[lower], rotations_ls[end], turn)
     return float(under.base.floors[side] - positions_ws[end, 1] - sole_bottom(rig, side, turn))
 

@@ -61,8 +61,9 @@ def find_goals(rig: Rig, st: State, under: Under, goals: Array, goal_turns: Arra
         other = 1 - limb
         if st.planted[other] > 0.5:
             landing_place(rig, limb, st.points[3 + limb], st.points[3 + other], True, heading, goals[3 + limb])
-            if st.planted[limb] < 0.5 and st.points[3 + limb, 1] <= rig.ankle_heights[limb] + DOWN:
-                # Down, and yet it cannot stand there: on to where legs stand at ease.
+            down = st.landed[limb] < -0.5 or st.points[3 + limb, 1] <= rig.ankle_heights[limb] + DOWN
+            if st.planted[limb] < 0.5 and down:
+                # Down as far as it goes, and yet it cannot stand there: on to where legs stand at ease.
                 draw_beside(limb, st.points[3 + other], heading, goals[3 + limb])
         else:
             landing_place(rig, limb, st.points[3 + limb], st.points[0], False, heading, goals[3 + limb])

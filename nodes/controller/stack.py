@@ -23,7 +23,7 @@ from bunraku.nodes.controller.ends import move_ends
 from bunraku.nodes.controller.heading import seek_step, turn_feet, update_heading
 from bunraku.nodes.controller.hinges import turn_hinges
 from bunraku.nodes.controller.interaction import sway_hands, sway_trunk
-from bunraku.nodes.controller.legs import RISE_TO_STEP, knee_pace, lean_room, rise_to_step
+from bunraku.nodes.controller.legs import RISE_TO_STEP, knee_pace, lean_room, reach_gently, rise_to_step
 from bunraku.nodes.controller.over import (
     LEAST_SPAN,
     ease_point,
@@ -34,7 +34,7 @@ from bunraku.nodes.controller.over import (
     remember_ways,
     way_from_motion,
 )
-from bunraku.nodes.controller.pacing import allow_return, legs_into, remember_legs, see_landings
+from bunraku.nodes.controller.pacing import LEG_SPEED, allow_return, legs_into, remember_legs, see_landings
 from bunraku.nodes.controller.placing import hang_free_hands, place_body
 from bunraku.nodes.controller.relaxing import (
     carry_turn,
@@ -103,7 +103,7 @@ def advance(
     arms, flags = np.zeros((2, 3)), np.zeros(5)
     relaxed_trunk, relaxed_pelvis, room = np.empty(4), np.empty(3), np.empty(2)
     swivels_before, plain, aims_before, moved = np.empty(4), np.empty(4), np.empty((5, 3)), np.empty(4)
-    limited, hips, legs_before = np.empty(4), np.empty((2, 3)), np.empty((2, 3, 4))
+    exact, limited, hips, legs_before = np.empty(4), np.empty(4), np.empty((2, 3)), np.empty((2, 3, 4))
     if st.mode[0] < 0.5:
         start(rig, gains, st, held, under, goals, goal_turns, plain, rotations_ls, positions_ws, rotations_ws)
     ways, ways_turned, ways_before, turned_before = (
@@ -151,7 +151,7 @@ def advance(
                     hips[side, k] = positions_ws[rig.limbs[2 + side, 0], k] - positions_ws[0, k]
             rise_to_step(rig, st.step, st.points[0], hips, st.points, st.planted, yaws, RISE_TO_STEP * dt)
     allow_return(st, before, dt)
-    turn_feet(rig, gains, st, under, yaws, dt)
+    turn_feet(rig, gains, st, under, yaws, before, aims_before, dt)
     lean_room(rig, positions_ws, st.planted, st.heading[0], room)
     keep_lean(st.turns[0], st.heading[0], under.turns[0], room)
     if not over:
@@ -163,8 +163,9 @@ def advance(
 
     # The body together.
     untouched = over and nothing_driven(held, ways, ways_turned)
+    reach_gently(rig, under.base.exact, positions_ws, st.points, st.planted, flags[0] > 0.5 and not over, dt, exact)
     size = agree(
-        rig, gains, st, held, under, contacts, untouched, arms, flags, mass_share, hull, center, rotations_ls,
+        rig, gains, st, held, under, contacts, exact, untouched, arms, flags, mass_share, hull, center, rotations_ls,
         positions_ws, rotations_ws,
     )  # fmt: skip
     around = 0.0
@@ -193,11 +194,12 @@ def advance(
         rotations_ls, positions_ws, rotations_ws, dt,
     )  # fmt: skip
     paces = np.empty(4)
-    see_landings(rig, st, contacts.limits, positions_ws, rotations_ls, rotations_ws)
+    see_landings(rig, st, contacts.limits, before, positions_ws, rotations_ls, rotations_ws, dt)
     remember_legs(rig, st, rotations_ls)
     if over:
         # (A motion's own legs are the way to go on from.)
         st.legs_kept[:] = 0.0
+        st.leg_rates[:] = LEG_SPEED
         even_limbs(
             rig, gains, st, held, under, flags, around, rotations_ls, positions_ws, rotations_ws, paces, dt
         )  # fmt: skip

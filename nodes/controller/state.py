@@ -124,11 +124,12 @@ class State(NamedTuple):
     legs: Array  # (2, 2, 4) hips and knees of both legs, as put out
     legs_kept: Array  # (2,) 1 where joint limits held that leg off its foot's place
     sought: Array  # (2,) the same in this step
-    landed: Array  # (2,) 1 for a free foot that is where it can stand
+    landed: Array  # (2,) 1 for a free foot that is where it can stand, -1 for one that something holds above that
     leg_pace: Array  # (2,) rad by which such a leg goes back to its swivel in this step
+    leg_rates: Array  # (2,) rad/s, how fast the fastest joint of each leg in the air turned
 
 
-STATE_SIZE = 507
+STATE_SIZE = 509
 """Numbers in a state."""
 
 
@@ -181,6 +182,7 @@ def unpack_state(b: Array) -> State:
         b[501:503],
         b[503:505],
         b[505:507],
+        b[507:509],
     )
 
 

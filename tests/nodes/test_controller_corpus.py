@@ -299,8 +299,9 @@ def worst_jolt(r: Recording) -> float:
     critically damped spring of 0.1 s half-life makes.
 
     A spring that takes a joint as far (d, m) as it goes within the next second, from the speed (v, m/s) that it has,
-    accelerates by at most y²d + 2yv; a grabbed trunk or head adds its own angle and speed, half a metre out. Steps
-    below 5 cm/s do not count.
+    accelerates by at most y²d + 2yv. An elbow or knee goes with the end of its limb, and a grabbed end as far as its
+    target is away, even where that jumps again before it is there; a grabbed trunk or head adds its own angle and
+    speed, half a metre out. Steps below 10 cm/s do not count.
     """
     y = 2.0 * log(2.0) / 0.1
     velocities = np.diff(r.positions, axis=0) * r.hz
@@ -309,6 +310,11 @@ def worst_jolt(r: Recording) -> float:
         if r.targets[n].keys() == r.targets[n - 1].keys():
             continue
         way = np.linalg.norm(r.positions[n - 1 : n + round(r.hz)] - r.positions[n - 1], axis=-1).max(axis=0)
+        for limb, part in enumerate(PARTS[1:]):
+            _, hinge, end = RIG.limbs[limb]
+            if part in r.targets[n] and part not in r.targets[n - 1]:
+                way[end] = max(way[end], np.linalg.norm(np.asarray(r.targets[n + 1][part]) - r.positions[n - 1, end]))
+            way[hinge] = max(way[hinge], way[end])
         bound = (y * y * way + 2.0 * y * np.linalg.norm(velocities[n - 2], axis=-1)) / r.hz
         for part in ("trunk", "head"):
             if part in r.targets[n] and part not in r.targets[n - 1]:
@@ -342,7 +348,7 @@ def measure(script: Script) -> dict[str, float]:
     found["unbalanced"] = float((margins[quiet] < 0).sum())
     found["quiet"] = float(quiet.sum())
     found["still_deg_s"] = max(fastest_while_still(play(script, hz)) for hz in RATES)
-    found["jolt"] = worst_jolt(r)
+    found["jolt"] = max(worst_jolt(play(script, hz)) for hz in RATES)
     reach = 0.0
     for part in script.reachable:
         joint = 0 if part == "pelvis" else RIG.limbs[PARTS.index(part) - 1, 2]
@@ -352,29 +358,10 @@ def measure(script: Script) -> dict[str, float]:
     found["rates_mm"] = 1e3 * max(
         float(np.linalg.norm(ends[a] - ends[b], axis=-1).max()) for a, b in ((0, 1), (1, 2), (0, 2))
     )
-    free = [RIG.limbs[n, k] for n in range(2) if PARTS[1 + n] not in r.targets[-1] for k in range(3)]
-    held = [joint for joint in range(len(FIGURE)) if joint not in free]
-    found["held_rates_mm"] = 1e3 * max(
-        float(np.linalg.norm(ends[a][held] - ends[b][held], axis=-1).max()) for a, b in ((0, 1), (1, 2), (0, 2))
-    )
     return found
 
 
 each = pytest.mark.parametrize("script", corpus(), ids=lambda s: s.name)
-
-EITHER_SIDE = {"foot out of reach": "left_hand", "down to the floor": "left_hand"}
-"""A leg that comes up at 5 m/s knocks the arm that hangs beside it before the knee or behind it: two places of rest,
-equally good, and the millimetres by which the input differs between rates choose."""
-
-
-STILL_MOVING = {"foot out of reach": 90.0, "wild jumps": 70.0, "crossed foot let go": 100.0}
-"""Degrees a second: half a second after the last of several jumps of 2.6 m, slowing down (30 at 60 Hz); where
-a foot that was let go crossed has come down at last and the pelvis rises over both."""
-
-
-JOLTED = {"pelvis up": 10.0, "foot from above": 3.7}
-"""A leg that stretches its last millimetre moves its knee at 0.14 m/s for two frames, and not at all after them; toes
-that were bent against the ground swing free."""
 
 
 def test_the_corpus_is_large_and_its_names_are_unique() -> None:
@@ -399,6 +386,13 @@ def test_body_limits_and_ground_are_kept(script: Script) -> None:
     assert found["hips_mm"] <= 40.0  # a frame of a step
 
 
+def test_feet_that_were_let_go_come_to_stand() -> None:
+    for script in corpus():
+        if script.name in ("foot from above", "crossed foot let go", "kick", "foot up slowly", "place a foot"):
+            for hz in RATES:
+                assert play(script, hz).planted[-1].all(), (script.name, hz)
+
+
 @each
 def test_held_parts_arrive(script: Script) -> None:
     assert measure(script)["reach_mm"] < 1.0
@@ -411,13 +405,12 @@ def test_elbows_and_knees_turn_smoothly(script: Script) -> None:
 
 @each
 def test_nothing_moves_fast_while_the_input_is_still(script: Script) -> None:
-    assert measure(script)["still_deg_s"] <= STILL_MOVING.get(script.name, 60.0)
+    assert measure(script)["still_deg_s"] <= 60.0
 
 
 @each
 def test_grab_and_release_move_no_joint_harder_than_a_damped_spring(script: Script) -> None:
-    # (What jumps again at once does not get as far as its spring would have taken it.)
-    assert measure(script)["jolt"] <= JOLTED.get(script.name, 1.25)
+    assert measure(script)["jolt"] <= 1.25
 
 
 def test_it_is_in_balance_in_quiet_frames() -> None:
@@ -427,20 +420,7 @@ def test_it_is_in_balance_in_quiet_frames() -> None:
 
 @each
 def test_the_same_targets_end_alike_at_every_rate(script: Script) -> None:
-    found = measure(script)
-    if script.name in EITHER_SIDE:
-        # All but that arm ends alike, and the arm only creeps on: free, on its own side, at one of the two places.
-        assert found["held_rates_mm"] <= 20.0
-        hand = FIGURE.names.index(EITHER_SIDE[script.name])
-        for hz in RATES:
-            r = play(script, hz)
-            speed = np.linalg.norm(np.diff(r.positions[-round(hz / 2) :, hand], axis=0), axis=-1) * hz
-            assert speed.max() < 0.3  # m/s
-            assert np.linalg.norm(r.positions[-1, hand] - play(script).positions[-1, hand]) < 0.3
-            depth = self_penetration(FIGURE, r.positions[-1:], r.orientations[-1:]).max()
-            assert depth <= 0.005
-        return
-    assert found["rates_mm"] <= 20.0
+    assert measure(script)["rates_mm"] <= 20.0
 
 
 if __name__ == "__main__":

@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bunraku.figure.default import default_figure
+from bunraku.figure.limits import joint_excess, limits_of
 from bunraku.figure.rig import pack_rig, rig_of, unpack_rig
 from bunraku.nodes.controller.balance import balance_shift, pelvis_correction, sole_polygon, trunk_correction
 from bunraku.nodes.controller.blend import blend_point, blend_turn
+from bunraku.nodes.controller.collision import turn_back
 from bunraku.nodes.controller.interaction import end_from_trunk, trunk_from_ends
 from bunraku.nodes.controller.legs import (
     keep_near_feet,
@@ -19,7 +21,9 @@ from bunraku.nodes.controller.legs import (
     landing_place,
     lean_room,
     pelvis_home,
+    reach_gently,
 )
+from bunraku.nodes.controller.placing import keep_in_range
 from bunraku.nodes.controller.relaxing import carry_hand, relax_hand, relax_point, relax_turn, twist_of, yaw_turn
 from bunraku.nodes.controller.state import TRUNK_LEAN, Gains, unpack_gains, unpack_state, unpack_under
 from bunraku.nodes.controller.step import (
@@ -343,6 +347,49 @@ def test_raised_thighs_leave_less_room_to_lean() -> None:
     lean_room(RIG, positions, np.ones(2), 0.0, room)
     assert room[0] < radians(45)
     assert room[1] < 0.3
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_leg_under_a_held_pelvis_stretches_ever_slower(side: int) -> None:
+    exact, planted, out = np.array([0.5, 0.5, 0.8, 0.8]), np.zeros(2), np.empty(4)
+    planted[side] = 1.0
+    positions, points = np.array(RIG.rest_positions), np.zeros((5, 3))
+    points[3 + side] = positions[RIG.limbs[2 + side, 0]] - [0.0, 0.7, 0.0]
+    reach_gently(RIG, exact, positions, points, planted, True, 0.02, out)
+    # Of the 10 cm that are left, all but e^-0.2 in 0.02 s; the other leg is in the air.
+    assert out[2 + side] == pytest.approx(0.8 - 0.1 * exp(-0.2))
+    assert out[3 - side] == 0.8
+    # Two steps are one of twice the time.
+    once = 0.8 - 0.1 * exp(-0.4)
+    points[3 + side] = positions[RIG.limbs[2 + side, 0]] - [0.0, out[2 + side], 0.0]
+    reach_gently(RIG, exact, positions, points, planted, True, 0.02, out)
+    assert out[2 + side] == pytest.approx(once)
+    reach_gently(RIG, exact, positions, points, planted, False, 0.02, out)
+    np.testing.assert_array_equal(out, exact)
+
+
+def test_a_turned_knee_goes_back_at_its_speed_at_most() -> None:
+    assert turn_back(0.4, 1.0, 0.25) == pytest.approx(0.2)  # half of it in a half-life
+    assert turn_back(0.4, 0.01, 0.25) == pytest.approx(0.39)
+    assert turn_back(-0.4, 0.01, 0.25) == pytest.approx(-0.39)
+    assert turn_back(1e-4, 0.01, 0.25) == pytest.approx(5e-5)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(-0.9, 0.9), st.floats(-0.4, 0.4))
+@settings(max_examples=60, deadline=None)
+def test_a_joint_is_kept_in_its_range_and_none_is_moved_in_it(x: float, y: float, z: float) -> None:
+    limits, ankle = limits_of(default_figure()), RIG.limbs[2, 2]
+    q = np.array([x, y, z, 0.0])
+    q[3] = sqrt(max(0.0, 1.0 - float(q @ q)))
+    q /= np.linalg.norm(q)
+    excess, kept = joint_excess(limits, ankle, q), q.copy()
+    assert keep_in_range(limits, ankle, kept) == (excess > 0.0)
+    if excess <= 0.0:
+        np.testing.assert_array_equal(kept, q)
+    assert joint_excess(limits, ankle, kept) < radians(0.5)
+    if excess < 0.002:
+        # Just beyond it, it is moved just a little.
+        assert 2.0 * np.arccos(min(1.0, abs(float(kept @ q)))) < 0.02
 
 
 def test_a_straight_knee_is_moved_slowly() -> None:
