@@ -130,6 +130,7 @@ def test_everything_is_within_reach(browser: Any, hall: Hall, scheme: str, width
         for way in ("Touch", "Pen", "Hands"):
             person.page.locator("label", has_text=way).first.click()
             person.page.wait_for_timeout(250)
+            person.until("document.getAnimations().every(one => one.playState !== 'running')")
             picture = person.shot(f"{scheme}-{width}x{height}-{way.lower()}")
             assert person.ask(FAULTS) == []
             stage = person.ask("(({width, height}) => [width, height])(bunraku.stage.picture())")
@@ -140,6 +141,7 @@ def test_everything_is_within_reach(browser: Any, hall: Hall, scheme: str, width
         person.page.locator("summary", has_text="interpreter").wait_for()
         person.shot(f"{scheme}-{width}x{height}-settings")
         person.ask("document.querySelectorAll('#drawer details').forEach(one => { one.open = true; })")
+        person.until("document.getAnimations().every(one => one.playState !== 'running')")  # the hint fades
         assert person.ask(FAULTS) == []
         assert person.ask("bunraku.stage.calls") <= 50
         assert person.faults == []
