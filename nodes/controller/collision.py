@@ -130,12 +130,15 @@ def avoid_with(
     rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, limb: int, flags: Array, limited: bool,
     yielding: Array, body: float, swivel_before: float, plain: float, moved: float, rotations_ls: Array,
     positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array, dt: float,
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
     """Move one limb out of the body and into its limits, in place; see `avoid`.
 
     Args:
         yielding: (J,) 1 for joints that get out of this limb's way.
         body: m/s at which trunk and pelvis move about.
+
+    Returns:
+        The gap (m) that it ends with.
     """
     row = limb + 1
     goal, start, at_start, push = np.empty(3), np.empty(3), np.empty(3), np.empty(4)
@@ -162,7 +165,7 @@ def avoid_with(
                 st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
             if flags[row] < 0.5:
                 st.wishes[limb, k] = st.points[row, k]
-        return
+        return float(gap) if gains.w_collision > 0.0 else NEAR
     st.mode[2] = 1.0
     apart = TOUCH if flags[row] > 0.5 else LEAN
     # From the last place, where it was free unless the body moved.
@@ -228,6 +231,7 @@ def avoid_with(
         st.points[row, k] = positions_ws[rig.limbs[limb, 2], k]
         if flags[row] < 0.5:
             st.wishes[limb, k] = st.points[row, k]
+    return float(gap)
 
 
 @kernel
@@ -277,13 +281,13 @@ def avoid(
                         mark_limb(rig, other, 0.0, yielding)
             else:
                 yields(rig, st, flags, limb, yielding)
-            avoid_with(
+            gap = avoid_with(
                 rig, gains, st, under, contacts, limb, flags, limits_kept[limb] > 0.5, yielding, body,
                 swivels_before[limb], plain[limb], moved[limb], rotations_ls, positions_ws, rotations_ws, centers,
                 axes, dt,
             )  # fmt: skip
             if limb >= 2 and under.active[0] < 0.5:
                 pace_leg(
-                    rig, st, under, contacts, limb - 2, flags[row] > 0.5, legs_before[limb - 2], yielding,
-                    rotations_ls, positions_ws, rotations_ws, centers, axes, dt,
+                    rig, st, under, contacts, limb - 2, flags[row] > 0.5, gap, legs_before[limb - 2],
+                    yielding, rotations_ls, positions_ws, rotations_ws, centers, axes, dt,
                 )  # fmt: skip

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 STANDING_TWIST = 0.4
 """rad that a held knee turns about the line from its hip to a foot that stands."""
+KNEES_ALONG = 0.35
+"""rad that the hips turn against standing feet with the knees wholly along."""
 SWIVEL_PER_WAY, SWIVEL_RATE = 8.0, 0.3
 """rad/m and rad/s: the fastest that an elbow or knee turns by itself."""
 
@@ -45,6 +47,9 @@ def turn_hinges(
         st.examples[limb] = goal
         if limb >= 2 and under.active[0] < 0.5:
             goal -= 0.5 * wrap(twist_of(st.feet[limb - 2]) - st.heading[0])
+            # Hips that turn far with a twisted trunk take the knees over standing feet only half-way along.
+            turned = wrap(twist_of(parent) - st.heading[0])
+            goal += 0.5 * st.support[limb - 2] * (turned - min(KNEES_ALONG, max(-KNEES_ALONG, turned)))
         if held.flags[8 + limb] > 0.5:
             n = 0.0
             for k in range(3):

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
 from bunraku.figure.limits import Limits, joint_excess
-from bunraku.figure.pointpose import keep_above_floor
+from bunraku.figure.pointpose import keep_above_floor, sole_bottom
 from bunraku.figure.quat import angle, exp, inv_mul, mul, mul_inv, slerp
 from bunraku.figure.rig import Rig
 from bunraku.nodes.controller.contacts import Contacts, deepest_contact
@@ -83,12 +83,19 @@ def turn_out(rig: Rig, side: int, push: Array, depth: float, most: float, positi
 
 
 @kernel
+def above_floor(rig: Rig, under: Under, side: int, positions_ws: Array, rotations_ws: Array) -> float:
+    """How far (m) a sole is above the floor; negative below it."""
+    end = rig.limbs[2 + side, 2]
+    return float(positions_ws[end, 1] + sole_bottom(rig, side, rotations_ws[end]) - under.base.floors[side])
+
+
+@kernel
 def pose_leg_between(
     rig: Rig, under: Under, contacts: Contacts, side: int, before: Array, wanted: Array, share: float,
     deepest: float, most: float, yielding: Array, centers: Array, axes: Array, rotations_ls: Array,
     positions_ws: Array, rotations_ws: Array,
 ) -> float:  # fmt: skip
-    """Pose a leg a share of the way from one to another, and turn it out of what it runs into there.
+    """Pose a leg a share of the way from one to another, and turn it out of what it runs into there, or the floor.
 
     Args:
         before, wanted: (3, 4) local rotations of hip, knee and ankle.
@@ -111,6 +118,9 @@ def pose_leg_between(
         keep_in_range(contacts.limits, end, rotations_ls[end])
         carry_from(rig, end, rotations_ls, positions_ws, rotations_ws)
         gap = deepest_contact(rig, contacts, 2 + side, yielding, positions_ws, rotations_ws, centers, axes, push)
+        above = above_floor(rig, under, side, positions_ws, rotations_ws)
+        if above < min(gap, 0.0):
+            gap, push[0], push[1], push[2], push[3] = above, 0.0, 1.0, 0.0, 2.0
         if gap > -deepest or n == PUSHES or turned >= most:
             break
         turned += turn_out(rig, side, push, -gap, most - turned, positions_ws, turn)
@@ -122,14 +132,16 @@ def pose_leg_between(
 
 @kernel
 def pace_leg(
-    rig: Rig, st: State, under: Under, contacts: Contacts, side: int, held: bool, before: Array, yielding: Array,
-    rotations_ls: Array, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array, dt: float,
+    rig: Rig, st: State, under: Under, contacts: Contacts, side: int, held: bool, gap: float, before: Array,
+    yielding: Array, rotations_ls: Array, positions_ws: Array, rotations_ws: Array, centers: Array, axes: Array,
+    dt: float,
 ) -> None:  # fmt: skip
     """Let no joint of a leg in the air turn faster than `LEG_SPEED`; the leg follows late instead.
 
     One that was let go or grabbed away from its target takes up its speed by `LEG_RUSH`.
 
     Args:
+        gap: m to what is nearest to it; negative where it overlaps that.
         before: (3, 4) hip, knee and ankle at the last step (`legs_into`).
         yielding: (J,) 1 for joints that get out of its way.
         centers, axes: (J, 3) and (J, 3, 3) of all boxes.
@@ -146,13 +158,13 @@ def pace_leg(
         mul_inv(wanted[n], before[n], q)
         fastest = max(fastest, angle(q))
     st.leg_rates[side] = min(fastest, most) / max(dt, 1e-9)
-    if fastest <= most:
+    if fastest <= most and min(gap, above_floor(rig, under, side, positions_ws, rotations_ws)) > -OVERLAP:
         return
-    share = most / fastest
+    share = min(1.0, most / max(fastest, 1e-9))
     for way in range(3):
         gap = pose_leg_between(
-            rig, under, contacts, side, before, wanted, share, OVERLAP, PUSHED * most if way < 2 else 0.0, yielding,
-            centers, axes, rotations_ls, positions_ws, rotations_ws,
+            rig, under, contacts, side, before, wanted, share, OVERLAP, PUSHED * LEG_SPEED * dt if way < 2 else 0.0,
+            yielding, centers, axes, rotations_ls, positions_ws, rotations_ws,
         )  # fmt: skip
         if gap > -(OVERLAP if way == 0 else STAY):
             break
@@ -189,9 +201,12 @@ def see_landings(
         if st.planted[side] > 0.5 or st.sought[side] > 0.5 or height > STANDS:
             continue
         mul_inv(rotations_ws[end], st.feet[side], q)
+        off_level = angle(q)
         over = joint_excess(limits, rig.limbs[2 + side, 0], rotations_ls[rig.limbs[2 + side, 0]])
-        over = max(over, joint_excess(limits, end, rotations_ls[end]))
-        if angle(q) < OFF_LEVEL and over < OVER_RANGE:
+        # (As it will stand, not as it hangs.)
+        inv_mul(rotations_ws[rig.parents[end]], st.feet[side], q)
+        over = max(over, joint_excess(limits, end, q))
+        if off_level < OFF_LEVEL and over < OVER_RANGE:
             st.landed[side] = 1.0
 
 
