@@ -80,6 +80,21 @@ def keep_near(middle: Array, most: float, point: Array) -> None:
 
 
 @kernel
+def only_added(shift: Array, own: Array) -> None:
+    """Take off a way back to balance (3, m, in place) what the motion's own (3) is of it.
+
+    A motion may be out of balance by itself, as every walk is; where it is and the figure is not, nothing is asked for.
+    """
+    size, along = 0.0, 0.0
+    for k in range(3):
+        size += shift[k] * shift[k]
+        along += shift[k] * own[k]
+    left = 0.0 if size < 1e-12 else min(1.0, max(0.0, 1.0 - along / size))
+    for k in range(3):
+        shift[k] *= left
+
+
+@kernel
 def agree(
     rig: Rig, gains: Gains, st: State, held: Held, under: Under, contacts: Contacts, exact: Array, untouched: bool,
     arms: Array, flags: Array, mass_share: float, hull: Array, center: Array, rotations_ls: Array, positions_ws: Array,
@@ -107,6 +122,15 @@ def agree(
         for k in range(3):
             farthest += (st.points[0, k] - under.points[0, k]) ** 2
         farthest = max(FROM_MOTION, sqrt(farthest))
+    # Feet in the air are where their motion has them, too: what comes down comes down where it should.
+    kept, longest = st.planted.copy(), exact.copy()
+    for side in range(2):
+        if over and pelvis_free and flags[3 + side] < 0.5 and kept[side] < 0.5:
+            kept[side] = 1.0
+            off = 0.0
+            for k in range(3):
+                off += (st.points[3 + side, k] - under.points[3 + side, k]) ** 2
+            longest[2 + side] += sqrt(off)
     back = rig.back[0]
     size = 0
     # A pelvis that is held where no leg reaches must not be looked at there.
@@ -188,10 +212,8 @@ def agree(
         if size > 0 and not stepping and not untouched:
             balance_shift(hull, size, center, gains.margin, shift)
             if over:
-                # A motion may be out of balance by itself, as every walk is: only what is added counts.
                 balance_shift(hull, size, under.center, gains.margin, part)
-                for k in range(3):
-                    shift[k] -= part[k]
+                only_added(shift, part)
             lack = sqrt(shift[0] ** 2 + shift[2] ** 2)
             if lack > 1e-6:
                 most = max(most, lack)
@@ -221,7 +243,7 @@ def agree(
             for k in range(4):
                 turned += 2.0 * abs(st.turns[0, k] - turn[k])
         keep_pelvis_over_feet(
-            rig, exact, st.points[0], hips, st.points, st.feet, st.planted, duck, last_word,
+            rig, longest, st.points[0], hips, st.points, st.feet, kept, duck, last_word,
             not stepping and not over, not over and not stepping,
         )  # fmt: skip
         if over and pelvis_free:

@@ -15,7 +15,7 @@ from bunraku.figure.boxes import place_boxes_into
 from bunraku.figure.jit import kernel, kernel_inline
 from bunraku.figure.quat import angle, mul_inv
 from bunraku.figure.rig import Rig
-from bunraku.nodes.controller.contacts import NEAR, Contacts, deepest_contact, mark_limb, push_limb, yields
+from bunraku.nodes.controller.contacts import NEAR, Contacts, deepest_contact, push_limb, yields
 from bunraku.nodes.controller.pacing import pace_leg
 from bunraku.nodes.controller.placing import place_limb
 from bunraku.nodes.controller.state import Gains, State, Under
@@ -111,18 +111,18 @@ def go(
 
 
 @kernel_inline
-def is_fixed(st: State, under: Under, flags: Array, untouched: bool, limb: int) -> bool:
-    """Whether a limb stays as it is: planted legs, a motion's own legs, all of a motion that nobody touches."""
+def is_fixed(st: State, under: Under, flags: Array, limb: int) -> bool:
+    """Whether a limb stays as it is: planted legs, and a motion's own limbs (for its arms see `dodge`)."""
     own = under.active[0] > 0.5 and flags[1 + limb] < 0.5
-    return (limb >= 2 and st.planted[limb - 2] > 0.5) or (own and (limb >= 2 or untouched))
+    return bool((limb >= 2 and st.planted[limb - 2] > 0.5) or own)
 
 
 @kernel_inline
-def own_limits(st: State, under: Under, flags: Array, untouched: bool, out: Array) -> None:
+def own_limits(st: State, under: Under, flags: Array, out: Array) -> None:
     """Which limbs (4,) keep their joints' ranges: 1 or 0; what a motion does with its own is its maker's."""
     for limb in range(4):
         keeps = flags[1 + limb] > 0.5 or under.active[0] < 0.5
-        out[limb] = 1.0 if keeps and not is_fixed(st, under, flags, untouched, limb) else 0.0
+        out[limb] = 1.0 if keeps and not is_fixed(st, under, flags, limb) else 0.0
 
 
 @kernel
@@ -236,7 +236,7 @@ def avoid_with(
 
 @kernel
 def avoid(
-    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, untouched: bool, flags: Array,
+    rig: Rig, gains: Gains, st: State, under: Under, contacts: Contacts, flags: Array,
     limits_kept: Array, swivels_before: Array, plain: Array, moved: Array, legs_before: Array, rotations_ls: Array,
     positions_ws: Array, rotations_ws: Array, dt: float,
 ) -> None:  # fmt: skip
@@ -246,7 +246,6 @@ def avoid(
     nearer rests. Driven limbs come first, then legs, then arms: each gets out of the way of those before it.
 
     Args:
-        untouched: nothing is held and everything is where its motion has it.
         flags: (5,) which points are driven.
         limits_kept: (4,) which limbs keep their ranges (`own_limits`); the world arrays hold them so already.
         swivels_before: (4,) rad, of the last step.
@@ -265,22 +264,14 @@ def avoid(
             row = limb + 1
             if rank != (0 if flags[row] > 0.5 else (1 if limb >= 2 else 2)):
                 continue
-            if is_fixed(st, under, flags, untouched, limb):
+            if is_fixed(st, under, flags, limb):
                 # (Over a motion what it adds goes as fast as the rest of what a touch has left.)
                 most = PUSH_SPEED * dt if under.active[0] < 0.5 else 1.0
                 st.pushes[limb] = turn_back(st.pushes[limb], most, dt)
                 for k in range(3):
                     st.wishes[limb, k] = st.points[row, k]
                 continue
-            if under.active[0] > 0.5 and flags[row] < 0.5:
-                # Of a motion's own arms only what the touched limbs do to them counts.
-                for joint in range(joints):
-                    yielding[joint] = 1.0
-                for other in range(4):
-                    if flags[1 + other] > 0.5:
-                        mark_limb(rig, other, 0.0, yielding)
-            else:
-                yields(rig, st, flags, limb, yielding)
+            yields(rig, st, flags, limb, yielding)
             gap = avoid_with(
                 rig, gains, st, under, contacts, limb, flags, limits_kept[limb] > 0.5, yielding, body,
                 swivels_before[limb], plain[limb], moved[limb], rotations_ls, positions_ws, rotations_ws, centers,

@@ -18,6 +18,8 @@ Index = NDArray[np.int64]
 
 NEAR = 0.031
 """m: what is farther apart is not measured."""
+SHORTEST_LEVER = 0.12
+"""m from the shoulder or hip that a contact counts for at least where its limb is turned as a whole."""
 LEAST_LEVER, LEAST_BEND, MOST_PUSH = 0.1, 0.02, 0.05
 """Share of the upper bone below which a contact is taken for farther out; m that an elbow stands out before it is
 turned; m that one push moves the end at most."""
@@ -176,6 +178,33 @@ def push_limb(
     if radius > LEAST_BEND:
         turn = depth * square / total / radius
         st.swivels[limb] += min(most_turn, max(-most_turn, turn))
+
+
+@kernel
+def contact_place(rig: Rig, limb: int, along: float, positions_ws: Array, out: Array) -> None:
+    """Where on a limb (3, m) a contact lies: 0 its root .. 1 its elbow or knee .. 2 its end."""
+    near = 0 if along < 1.0 else 1
+    share = min(1.0, along - near)
+    a, b = rig.limbs[limb, near], rig.limbs[limb, near + 1]
+    for k in range(3):
+        out[k] = positions_ws[a, k] + share * (positions_ws[b, k] - positions_ws[a, k])
+
+
+@kernel
+def turn_to_leave(lever: Array, way: Array, depth: float, out: Array) -> float:
+    """The rotation vector (3) that moves a contact at ``lever`` (3, m) by ``depth`` (m) along ``way`` (3, unit).
+
+    Returns:
+        How far (m) the contact moves: less than asked for where it lies near the axis or the way is along the lever.
+    """
+    out[0] = lever[1] * way[2] - lever[2] * way[1]
+    out[1] = lever[2] * way[0] - lever[0] * way[2]
+    out[2] = lever[0] * way[1] - lever[1] * way[0]
+    square = out[0] ** 2 + out[1] ** 2 + out[2] ** 2
+    share = depth / max(square, SHORTEST_LEVER * SHORTEST_LEVER)
+    for k in range(3):
+        out[k] *= share
+    return float(share * square)
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bunraku.figure.jit import kernel
-from bunraku.figure.quat import angle, exp, inv_mul, inv_rotate, log, mul, mul_inv, rotate, slerp
+from bunraku.figure.quat import angle, between, exp, inv_mul, inv_rotate, log, mul, mul_inv, rotate, slerp
 from bunraku.figure.rig import Rig
 from bunraku.figure.spring import spring_decay_into
 from bunraku.nodes.controller.placing import carry_from
@@ -32,7 +32,7 @@ MOST_LEAD = 8.0
 """rad/s: the most that a joint of an arm that is let go goes on with."""
 LEAST_SPAN = 1.0 / 120.0
 """s: the shortest step over which speeds are measured."""
-BY_BALANCE = 0.25
+BY_BALANCE = 0.15
 """Share of its way by which pelvis or trunk follow what does not pull them."""
 MOST_DRIFT, MOST_SPIN = 1.0, 1.5
 """m/s and rad/s: how much of their own movement pelvis and trunk go on with beside that."""
@@ -40,6 +40,8 @@ TRUNK_LEVER = 0.5
 """m from the pelvis to the shoulders."""
 TOES = 0.15
 """m: how far a foot reaches from its ankle."""
+AT_MOTION = 0.03
+"""m from its motion's place within which a free foot is kept out of what fades in its leg."""
 SKIN = 0.1
 """m from a bone to where its turn about itself is seen."""
 
@@ -202,6 +204,8 @@ def forget_limbs(st: State) -> None:
     st.fades[:] = 0.0
     st.fade_rates[:] = 0.0
     st.lead_rates[:] = 0.0
+    st.dodges[:] = 0.0
+    st.dodge_rates[:] = 0.0
 
 
 @kernel
@@ -218,7 +222,7 @@ def even_limbs(
     base, joints = np.empty((3, 4)), np.empty((3, 4))
     last, change = np.empty((3, 4)), np.empty((3, 3))
     places, places_before, swung = np.empty((5, 3)), np.empty((5, 3)), np.empty((5, 3))
-    q, v = np.empty(4), np.empty(3)
+    q, v, foot = np.empty(4), np.empty(3), np.empty(4)
     for limb in range(4):
         driven = flags[1 + limb] > 0.5
         let_go = not driven and size_of(st.reaches[limb]) > 0.0
@@ -293,11 +297,65 @@ def even_limbs(
                 st.bases[limb, n, k] = base[n, k]
         if not faded:
             continue
+        end = rig.limbs[limb, 2]
+        foot[:] = rotations_ws[end]
+        for k in range(3):
+            v[k] = positions_ws[end, k]
         for n in range(3):
             exp(fade[n], q)
             joint = rig.limbs[limb, n]
             mul(rotations_ls[joint], q, rotations_ls[joint])
         carry_from(rig, upper, rotations_ls, positions_ws, rotations_ws)
+        if limb >= 2 and not driven:
+            off = 0.0
+            for k in range(3):
+                off += (st.points[1 + limb, k] - under.points[1 + limb, k]) ** 2
+            share = max(0.0, 1.0 - sqrt(off) / AT_MOTION) ** 2
+            if share > 0.0:
+                slerp(rotations_ws[end], foot, share, foot)
+                for k in range(3):
+                    v[k] = positions_ws[end, k] + share * (v[k] - positions_ws[end, k])
+                keep_foot(rig, limb, v, foot, rotations_ls, positions_ws, rotations_ws)
+
+
+@kernel
+def keep_foot(
+    rig: Rig, limb: int, place: Array, turn: Array, rotations_ls: Array, positions_ws: Array, rotations_ws: Array
+) -> None:  # fmt: skip
+    """Bring a leg's foot back to its place (3, m) and orientation (4), the knee to the side on which it is."""
+    upper, lower, end = rig.limbs[limb, 0], rig.limbs[limb, 1], rig.limbs[limb, 2]
+    axis, bone, wanted, q = np.empty(3), np.empty(3), np.empty(3), np.empty(4)
+    d, along = 0.0, 0.0
+    for k in range(3):
+        axis[k] = place[k] - positions_ws[upper, k]
+        d += axis[k] * axis[k]
+    d = max(sqrt(d), 1e-6)
+    for k in range(3):
+        axis[k] /= d
+        bone[k] = positions_ws[lower, k] - positions_ws[upper, k]
+        along += bone[k] * axis[k]
+    long, short = rig.lengths[limb, 0], rig.lengths[limb, 1]
+    ahead = 0.5 * (d + (long * long - short * short) / d)
+    out = sqrt(max(long * long - ahead * ahead, 0.0))
+    aside = 0.0
+    for k in range(3):
+        wanted[k] = bone[k] - along * axis[k]
+        aside += wanted[k] * wanted[k]
+    aside = max(sqrt(aside), 1e-6)
+    for k in range(3):
+        wanted[k] = ahead * axis[k] + out / aside * wanted[k]
+    between(bone, wanted, q)
+    mul(q, rotations_ws[upper], q)
+    inv_mul(rotations_ws[rig.parents[upper]], q, rotations_ls[upper])
+    carry_from(rig, upper, rotations_ls, positions_ws, rotations_ws)
+    for k in range(3):
+        bone[k] = positions_ws[end, k] - positions_ws[lower, k]
+        wanted[k] = place[k] - positions_ws[lower, k]
+    between(bone, wanted, q)
+    mul(q, rotations_ws[lower], q)
+    inv_mul(rotations_ws[upper], q, rotations_ls[lower])
+    inv_mul(q, turn, rotations_ls[end])
+    carry_from(rig, lower, rotations_ls, positions_ws, rotations_ws)
 
 
 @kernel

@@ -10,7 +10,7 @@ from bunraku.figure.limits import Limits, joint_excess
 from bunraku.figure.pointpose import keep_above_floor, sole_bottom
 from bunraku.figure.quat import angle, exp, inv_mul, mul, mul_inv, slerp
 from bunraku.figure.rig import Rig
-from bunraku.nodes.controller.contacts import Contacts, deepest_contact
+from bunraku.nodes.controller.contacts import Contacts, contact_place, deepest_contact, turn_to_leave
 from bunraku.nodes.controller.placing import carry_from, keep_in_range
 from bunraku.nodes.controller.state import State, Under
 from bunraku.nodes.controller.step import IDLE, PHASE
@@ -64,22 +64,19 @@ def turn_out(rig: Rig, side: int, push: Array, depth: float, most: float, positi
 
     ``push`` (4) is the way out (3) and where on the leg it lies, see `deepest_contact`.
     """
-    hip, knee, ankle = rig.limbs[2 + side, 0], rig.limbs[2 + side, 1], rig.limbs[2 + side, 2]
-    near, far, place = hip, knee, push[3]
-    if place > 1.0:
-        near, far, place = knee, ankle, place - 1.0
-    arm, axis = np.empty(3), np.empty(3)
+    lever, vector, size = np.empty(3), np.empty(3), 0.0
+    contact_place(rig, 2 + side, push[3], positions_ws, lever)
     for k in range(3):
-        arm[k] = positions_ws[near, k] + place * (positions_ws[far, k] - positions_ws[near, k]) - positions_ws[hip, k]
-    axis[0] = arm[1] * push[2] - arm[2] * push[1]
-    axis[1] = arm[2] * push[0] - arm[0] * push[2]
-    axis[2] = arm[0] * push[1] - arm[1] * push[0]
-    square = max(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2, 1e-4)
-    angle_ = min(most, depth / sqrt(square))
+        lever[k] -= positions_ws[rig.limbs[2 + side, 0], k]
+    turn_to_leave(lever, push[:3], depth, vector)
     for k in range(3):
-        axis[k] *= angle_ / sqrt(square)
-    exp(axis, turn)
-    return float(angle_)
+        size += vector[k] * vector[k]
+    size = sqrt(size)
+    share = min(1.0, most / max(size, 1e-9))
+    for k in range(3):
+        vector[k] *= share
+    exp(vector, turn)
+    return float(share * size)
 
 
 @kernel

@@ -171,16 +171,29 @@ def take_away(velocity: Array, moved: Array, span: float) -> None:
             velocity[k] += share * moved[k] / span
 
 
+@kernel
+def share_of_neck(v: Array) -> float:
+    """How far a head that is turned by ``v`` (3, rad) against the trunk is on its way to its bounds; 1 on them."""
+    ahead = HEAD_AHEAD if v[0] > 0.0 else HEAD_BACK
+    return sqrt((v[0] / ahead) ** 2 + (v[1] / HEAD_ROUND) ** 2 + (v[2] / HEAD_ASIDE) ** 2)
+
+
 @kernel_inline
 def keep_head(st: State, under: Under) -> None:
-    """Keep the head within what the neck can do and the chin lets it (`HEAD_AHEAD` and the others), by direction."""
-    q, v = np.empty(4), np.empty(3)
+    """Keep the head within what the neck can do and the chin lets it (`HEAD_AHEAD` and the others), by direction.
+
+    Over a motion whose head is farther round, as far as that.
+    """
+    q, v, most = np.empty(4), np.empty(3), 1.0
+    if under.active[0] > 0.5:
+        inv_mul(under.turns[0], under.turns[1], q)
+        log(q, v)
+        most = max(1.0, share_of_neck(v))
     inv_mul(st.turns[0], st.turns[1], q)
     log(q, v)
-    ahead = HEAD_AHEAD if v[0] > 0.0 else HEAD_BACK
-    off = sqrt((v[0] / ahead) ** 2 + (v[1] / HEAD_ROUND) ** 2 + (v[2] / HEAD_ASIDE) ** 2)
-    if off > 1.0 and under.active[0] < 0.5:
+    off = share_of_neck(v)
+    if off > most:
         for k in range(3):
-            v[k] *= 1.0 / off
+            v[k] *= most / off
         quat_exp(v, q)
         mul(st.turns[0], q, st.turns[1])

@@ -19,6 +19,7 @@ from bunraku.figure.spring import lag, spring_to_into
 from bunraku.nodes.controller.agreement import agree, hold_back, nothing_driven
 from bunraku.nodes.controller.collision import avoid, own_limits
 from bunraku.nodes.controller.contacts import Contacts, unpack_contacts
+from bunraku.nodes.controller.dodging import dodge
 from bunraku.nodes.controller.ends import move_ends
 from bunraku.nodes.controller.heading import seek_step, turn_feet, update_heading
 from bunraku.nodes.controller.hinges import turn_hinges
@@ -186,11 +187,11 @@ def advance(
         sway_hands(rig, gains, st, flags, trunk_before[0], carried[0], arms, positions_ws)
         hang_free_hands(rig, st, flags, arms, positions_ws)
     turn_hinges(rig, gains, st, held, under, positions_ws, rotations_ws, before, plain, dt)
-    own_limits(st, under, flags, untouched, limited)
+    own_limits(st, under, flags, limited)
     place_body(rig, st, under, contacts.limits, flags, arms, limited, rotations_ls, positions_ws, rotations_ws)
     measure_ways(rig, gains, st, over, flags, aims_before, before, positions_ws, moved, dt)
     avoid(
-        rig, gains, st, under, contacts, untouched, flags, limited, swivels_before, plain, moved, legs_before,
+        rig, gains, st, under, contacts, flags, limited, swivels_before, plain, moved, legs_before,
         rotations_ls, positions_ws, rotations_ws, dt,
     )  # fmt: skip
     paces = np.empty(4)
@@ -203,6 +204,8 @@ def advance(
         even_limbs(
             rig, gains, st, held, under, flags, around, rotations_ls, positions_ws, rotations_ws, paces, dt
         )  # fmt: skip
+        if gains.w_collision > 0.0:
+            dodge(rig, st, contacts, flags, rotations_ls, positions_ws, rotations_ws, dt)
     remember(
         rig, st, held, flags, before, trunk_before[0], carried[0], relaxed_trunk, relaxed_pelvis, arms, goals,
         goal_turns, positions_ws, max(dt, LEAST_SPAN),

@@ -127,9 +127,11 @@ class State(NamedTuple):
     landed: Array  # (2,) 1 for a free foot that is where it can stand, -1 for one that something holds above that
     leg_pace: Array  # (2,) rad by which such a leg goes back to its swivel in this step
     leg_rates: Array  # (2,) rad/s, how fast the fastest joint of each leg in the air turned
+    dodges: Array  # (2, 3) rad by which free arms are turned out of the body over a motion
+    dodge_rates: Array  # (2, 3) rad/s
 
 
-STATE_SIZE = 509
+STATE_SIZE = 521
 """Numbers in a state."""
 
 
@@ -183,6 +185,8 @@ def unpack_state(b: Array) -> State:
         b[503:505],
         b[505:507],
         b[507:509],
+        b[509:515].reshape(2, 3),
+        b[515:521].reshape(2, 3),
     )
 
 

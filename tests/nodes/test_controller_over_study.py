@@ -66,7 +66,10 @@ def test_the_rest_stays_with_the_motion(motion: str) -> None:
     for one in played(motion):
         off = np.linalg.norm(one.posed - one.moved, axis=2)
         if one.touch.part == "head":
-            assert np.delete(off, over.JOINTS["head"], axis=1).max() < 0.005
+            arms = [joint for joint, name in enumerate(over.FIGURE.names) if name.endswith(("arm", "hand"))]
+            assert np.delete(off, [over.JOINTS["head"], *arms], axis=1).max() < 0.005
+            # (What the motion takes into the body, an arm keeps out of it.)
+            assert off[:, arms].max() < 0.03
             continue
         if one.touch.part != "pelvis":
             assert off[HELD, 0].max() < 0.16, one.touch
