@@ -311,6 +311,13 @@ test("a screen that holds every frame twice as long keeps its pixels: fewer are 
   assert.ok(frames(pace, first.now, 600, () => 33.3).changes <= 60); // tried again now and then
 });
 
+test("fewer pixels that are of use are kept on a machine that stays slow with them", () => {
+  const pace = new Pace();
+  const {changes} = frames(pace, 0, 60, (scale) => 25 + 75 * scale ** 2); // 100 ms with all, 44 with the fewest
+  assert.equal(pace.scale, 0.5);
+  assert.equal(changes, 3);
+});
+
 test("what fits into a refresh only with fewer pixels is found, though the steps before it gain nothing", () => {
   const pace = new Pace();
   frames(pace, 0, 20, (scale) => (scale > 0.5 ? 33.3 : 16.7));
