@@ -147,12 +147,12 @@ class TouchUser:
         return np.array([16.0 / 9.0, 1.0])
 
     def grips(self, finger: int) -> str:
-        """What the overlay says that a finger holds."""
+        """The part that the overlay says that a finger holds."""
         drawn = self.stage.last("overlay/interpreter")
         place = self.fingers[finger]
         for one in drawn.primitives if drawn is not None else []:
             if one.kind == "circle" and np.allclose(one.points[0], place, atol=1e-6):
-                return str(one.label)
+                return str(one.label).replace(" ", "_")
         return ""
 
     # What the user does
