@@ -209,7 +209,8 @@ def _faces(points: Array, beyond: float) -> Array:
 
         try:
             hull = ConvexHull((points - middle) @ span.T)
-            directions = [normal @ span for normal in np.unique(hull.equations[:, :-1].round(9), axis=0)]
+            # (The axes stay: where slanting faces meet, moved out they would reach farther along an axis than a tenth.)
+            directions += [normal @ span for normal in np.unique(hull.equations[:, :-1].round(9), axis=0)]
         except QhullError:
             pass
     elif rank >= 1:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -42,6 +42,7 @@ def test_weights_sum_to_one_and_give_the_parameters_back(seed, count, size, wher
 
 
 @given(arrays(float, 5, elements=st.floats(-1e6, 1e6)))
+@example(np.full(5, 5.0))
 @settings(max_examples=100, deadline=None)
 def test_what_is_asked_beyond_the_examples_is_drawn_back_to_hull_and_a_tenth(asked):
     values = np.array(
