@@ -4,6 +4,8 @@ F frames, J joints; ``positions`` (F, J, 3) m and ``orientations`` (F, J, 4) in 
 (F, J, 4) local, ``dt`` s between frames.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,11 +64,15 @@ def floor_penetration(skeleton: Skeleton, positions: Array, orientations: Array)
     return np.maximum(depth, 0.0)
 
 
-def self_penetration(skeleton: Skeleton, positions: Array, orientations: Array) -> Array:
-    """The deepest (F) m that two boxes overlap that should not (`collision_pairs`)."""
-    depths = np.zeros(len(positions))
+def self_penetration(
+    skeleton: Skeleton, positions: Array, orientations: Array, joints: Sequence[int] | None = None
+) -> Array:
+    """The deepest (F) m that two boxes overlap that should not (`collision_pairs`); of some joints with anything."""
+    depths, pairs = np.zeros(len(positions)), collision_pairs(skeleton)
+    if joints is not None:
+        pairs = np.ascontiguousarray(pairs[np.isin(pairs, joints).any(axis=1)])
     deepest_overlap_batch_into(
-        collision_pairs(skeleton), skeleton.box_centers, skeleton.box_sizes,
+        pairs, skeleton.box_centers, skeleton.box_sizes,
         np.ascontiguousarray(positions, dtype=np.float64), np.ascontiguousarray(orientations, dtype=np.float64),
         depths,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bunraku.figure.boxes import place_boxes_into
 from bunraku.figure.jit import kernel
 from bunraku.figure.limits import clamp_joint, joint_excess
-from bunraku.figure.quat import exp, log, mul, mul_inv, rotate
+from bunraku.figure.quat import exp, inv_rotate, log, mul, mul_inv
 from bunraku.figure.rig import Rig
 from bunraku.figure.spring import spring_decay_into
 from bunraku.nodes.controller.contacts import Contacts, contact_place, deepest_contact, turn_to_leave
@@ -40,7 +40,8 @@ def left_over(depth: float) -> float:
 
 
 @kernel
-def turn_arm(rig: Rig, st: State, contacts: Contacts, limb: int, own: Array, rotations_ls: Array, positions_ws: Array,
+def turn_arm(
+    rig: Rig, st: State, contacts: Contacts, limb: int, own: Array, rotations_ls: Array, positions_ws: Array,
     rotations_ws: Array,
 ) -> None:  # fmt: skip
     """Lay an arm's difference over what the motion says of its upper bone (``own``, 4), within its range."""
@@ -68,7 +69,7 @@ def dodge(
     centers, axes, push = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty(4)
     yielding = np.zeros(joints)
     own, before = np.empty(4), np.empty(3)
-    lever, turn, parent, vector = np.empty(3), np.empty(4), np.empty(4), np.empty(3)
+    lever, vector, more, turn = np.empty(3), np.empty(3), np.empty(4), np.empty(4)
     place_boxes_into(rig.box_centers, positions_ws, rotations_ws, centers, axes)
     for limb in range(2):
         upper = rig.limbs[limb, 0]
@@ -98,14 +99,10 @@ def dodge(
                 lever[k] -= positions_ws[upper, k]
             room -= turn_to_leave(lever, push[:3], depth, vector)
             pushed = True
-            for k in range(4):
-                parent[k] = rotations_ws[rig.parents[upper], k]
-            for k in range(3):
-                parent[k] = -parent[k]
-            rotate(parent, vector, vector)
-            exp(vector, turn)
-            exp(st.dodges[limb], parent)
-            mul(turn, parent, turn)
+            inv_rotate(rotations_ws[rig.parents[upper]], vector, vector)
+            exp(vector, more)
+            exp(st.dodges[limb], turn)
+            mul(more, turn, turn)
             log(turn, st.dodges[limb])
             turn_arm(rig, st, contacts, limb, own, rotations_ls, positions_ws, rotations_ws)
         if pushed and dt > 0.0:

@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as any_of
 
-from bunraku.figure.boxes import box_gap, collision_pairs, place_boxes_into
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
-from bunraku.figure.metrics import joint_speeds, limit_violation
+from bunraku.figure.metrics import joint_speeds, limit_violation, self_penetration
 from bunraku.figure.quat import exp, rotate
 from bunraku.motion.player import Player
 from bunraku.motion.synth import builtin_set
@@ -19,16 +18,12 @@ from bunraku.nodes.controller.dodging import LEFT, LET, left_over
 FIGURE = default_figure()
 DT = 1 / 60
 ARMS = [joint for joint, name in enumerate(FIGURE.names) if name.endswith(("arm", "hand"))]
-PAIRS = [pair for pair in collision_pairs(FIGURE).tolist() if set(pair) & set(ARMS)]
 Frame = tuple[np.ndarray, np.ndarray, tuple[bool, bool]]
 
 
-def depth_of_arms(positions: np.ndarray, orientations: np.ndarray) -> float:
-    """The deepest (m) that an arm is in anything."""
-    centers, axes, axis = np.empty((len(FIGURE), 3)), np.empty((len(FIGURE), 3, 3)), np.empty(3)
-    place_boxes_into(FIGURE.box_centers, positions, orientations, centers, axes)
-    sizes = FIGURE.box_sizes
-    return max(0.0, *(-box_gap(centers[a], axes[a], sizes[a], centers[b], axes[b], sizes[b], axis) for a, b in PAIRS))
+def depths_of_arms(positions: np.ndarray, orientations: np.ndarray) -> np.ndarray:
+    """The deepest (F) m that an arm is in anything."""
+    return self_penetration(FIGURE, positions, orientations, ARMS)
 
 
 def playing(module: str, value: float, seconds: float) -> list[Frame]:
@@ -108,9 +103,9 @@ def test_an_arm_that_the_trunk_leans_on_hangs_beside_it_and_comes_back() -> None
     stack, free = Stack(FIGURE), Stack(FIGURE)
     free.gains = free.gains._replace(w_collision=0.0)
     deep = over(frames, free, LEANING)
-    assert max(depth_of_arms(*one) for one in zip(deep[0], deep[1], strict=True)) > 0.02
+    assert depths_of_arms(deep[0], deep[1]).max() > 0.02
     kept = over(frames, stack, LEANING)
-    assert max(depth_of_arms(*one) for one in zip(kept[0], kept[1], strict=True)) < 0.005
+    assert depths_of_arms(kept[0], kept[1]).max() < 0.005
     left = FIGURE.names.index("left_upper_arm")
     assert joint_speeds(kept[2], DT)[:, left].max() < joint_speeds(deep[2], DT)[:, left].max() + 1.5
     assert np.degrees(limit_violation(FIGURE, kept[2]).max()) < 1.0
@@ -123,8 +118,8 @@ def test_what_nobody_touches_keeps_out_of_itself_by_as_much_as_it_must(module: s
     frames = playing(module, value, 4.0)
     positions, orientations, rotations = over(frames, Stack(FIGURE), {})
     moved = [fk(FIGURE, frame[0], frame[1]) for frame in frames]
-    before = np.array([depth_of_arms(*one) for one in moved])
-    after = np.array([depth_of_arms(*one) for one in zip(positions, orientations, strict=True)])
+    before = depths_of_arms(*(np.array(column) for column in zip(*moved, strict=True)))
+    after = depths_of_arms(positions, orientations)
     assert after.max() < 0.005
     off = np.linalg.norm(positions - np.array([one[0] for one in moved]), axis=2)
     assert np.delete(off, ARMS, axis=1).max() < 1e-3
@@ -138,5 +133,5 @@ def test_where_nothing_collides_nothing_changes() -> None:
     frames = playing("jump_up", 0.3, 3.0)
     positions, _, _ = over(frames, Stack(FIGURE), {})
     moved = [fk(FIGURE, frame[0], frame[1]) for frame in frames]
-    assert max(depth_of_arms(*one) for one in moved) < LET
+    assert depths_of_arms(*(np.array(column) for column in zip(*moved, strict=True))).max() < LET
     np.testing.assert_allclose(positions, [one[0] for one in moved], atol=1e-3)

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bunraku.figure.boxes import box_gap, collision_pairs, place_boxes_into
 from bunraku.figure.default import default_figure
 from bunraku.figure.fk import fk
-from bunraku.figure.metrics import floor_penetration, joint_speeds, limit_violation
+from bunraku.figure.metrics import floor_penetration, joint_speeds, limit_violation, self_penetration
 from bunraku.nodes.blender.node import Blender
 from bunraku.nodes.controller.node import Controller
 from bunraku.nodes.input_pen.node import InputPen
@@ -67,15 +66,7 @@ def demo() -> tuple[Shown, Shown]:
 
 def depths(one: Shown, joints: list[int]) -> np.ndarray:
     """How deep (F) m any of some parts is in another."""
-    pairs = [pair for pair in collision_pairs(FIGURE).tolist() if set(pair) & set(joints)]
-    centers, axes, axis = np.empty((len(FIGURE), 3)), np.empty((len(FIGURE), 3, 3)), np.empty(3)
-    sizes, worst = FIGURE.box_sizes, np.zeros(len(one.positions))
-    for frame in range(len(worst)):
-        place_boxes_into(FIGURE.box_centers, one.positions[frame], one.orientations[frame], centers, axes)
-        for a, b in pairs:
-            gap = box_gap(centers[a], axes[a], sizes[a], centers[b], axes[b], sizes[b], axis, -worst[frame])
-            worst[frame] = max(worst[frame], -gap)
-    return worst
+    return self_penetration(FIGURE, one.positions, one.orientations, joints)
 
 
 def since_held(held: np.ndarray, seconds: float) -> np.ndarray:

@@ -45,23 +45,25 @@ def test_who_was_killed_is_gone_though_its_card_is_there(tmp_path: Path) -> None
     assert presence.gone() == [TOPIC]
 
 
-def test_who_died_and_began_anew_is_gone_until_it_says_something(tmp_path: Path) -> None:
-    presence, speaker = Presence(tmp_path), Speaker(tmp_path, 7)
+def begun_anew(folder: Path) -> Presence:
+    """Someone spoke, died, and is there again as another process that has said nothing."""
+    presence, speaker = Presence(folder), Speaker(folder, 7)
     presence.heard(TOPIC, 40)
     assert presence.gone() == []
     speaker.die()
-    Speaker(tmp_path, 8)
+    Speaker(folder, 8)
+    return presence
+
+
+def test_who_died_and_began_anew_is_gone_until_it_says_something(tmp_path: Path) -> None:
+    presence = begun_anew(tmp_path)
     assert presence.gone() == [TOPIC]
     presence.heard(TOPIC, 1)
     assert presence.gone() == []
 
 
 def test_who_began_anew_and_spoke_at_once_is_there(tmp_path: Path) -> None:
-    presence, speaker = Presence(tmp_path), Speaker(tmp_path, 7)
-    presence.heard(TOPIC, 40)
-    assert presence.gone() == []
-    speaker.die()
-    Speaker(tmp_path, 8)
+    presence = begun_anew(tmp_path)
     presence.heard(TOPIC, 1)
     assert presence.gone() == []
 
